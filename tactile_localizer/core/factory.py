@@ -66,14 +66,13 @@ def build_localizer(
         _build_filter(scene, configuration, cell, rng),
         mixture,
         position_model,
-        learned.correlation(scene, mixture.map),
         Convergence(convergence_criteria(scene, configuration)),
         configuration.update_distance,
         information_length,
         learned.presence_length,
         calibration.registration_std,
         learned.quiet_energy(mixture),
-        Anchors(scene, learned.scan.material.anchors),
+        Anchors(scene),
     )
     say("ready", 1.0)
     return localizer

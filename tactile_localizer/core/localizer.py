@@ -19,12 +19,11 @@ from tactile_localizer.core.hypotheses.convergence import (
     State,
     probability_within,
 )
-from tactile_localizer.core.hypotheses.correlation import AWAY, PRIOR, Correlation, Sums
-from tactile_localizer.core.hypotheses.explanations import Explanations
+from tactile_localizer.core.hypotheses.explanations import AWAY, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.likelihood.weights import log_sum, probability
+from tactile_localizer.core.likelihood.weights import log_sum
 from tactile_localizer.core.likelihood.white_noise import SweepNoise
 from tactile_localizer.core.plausibility import PhalanxConsistency, StampUnit
 from tactile_localizer.core.strain_mean import StrainMean
@@ -93,30 +92,20 @@ class _Sweep(NamedTuple):
 
     Parameters
     ----------
+    model : for the noise of the sweep
     weights : (P,) of the states
     trend : by which the sweep differs from the scan
-    sums : of the correlation with the map along the anchors
     explanations : probabilities of what explains the strain
-    log_odds : of the map to chance
     strengths : (G, F) log-weights of the strengths of other material
     energy : (F,) mean energy of the innovations from featureless material
     """
 
+    model: SweepMixture
     weights: np.ndarray
     trend: Trend
-    sums: Sums
     explanations: Explanations
-    log_odds: float
     strengths: np.ndarray
     energy: np.ndarray
-
-
-class _Noisier(NamedTuple):
-    """The models for a sweep whose strains have more noise than the scan's, by ``excess`` (C,), V^2."""
-
-    excess: np.ndarray
-    model: SweepMixture
-    correlation: Correlation | None
 
 
 class Localizer:
@@ -132,7 +121,6 @@ class Localizer:
     bayes_filter : a particle or grid filter over that scene
     model : what a place feels like
     position_model : one of the paper's models, or a user-defined one, for the position; ``None``: ``model``
-    correlation : evidence for the map where the material is felt everywhere; ``None`` elsewhere
     convergence : decides when the position has converged
     update_distance : m of travel between two measurement updates
     information_length, presence_length : m of travel per independent measurement of the position, and of the
@@ -148,7 +136,6 @@ class Localizer:
         bayes_filter: BayesFilter,
         model: SweepMixture,
         position_model: MeasurementModel | None,
-        correlation: Correlation | None,
         convergence: Convergence,
         update_distance: float,
         information_length: float,
@@ -160,7 +147,7 @@ class Localizer:
         self.scene = scene
         self.filter = bayes_filter
         self.model = model
-        self._position_model, self._correlation = position_model, correlation
+        self._position_model = position_model
         self._convergence = convergence
         self._update_distance = update_distance
         self._information_length, self._presence_length = information_length, presence_length
@@ -244,16 +231,14 @@ class Localizer:
         anchors = len(self._anchors)
         # The first prediction has no ancestors: all trajectories begin at the anchors.
         self._sweep = _Sweep(
+            model=self.model,
             weights=np.ones(1),
             trend=self.model.drift.start(1 + anchors),
-            sums=Sums.start(anchors),
-            explanations=Explanations.start(anchors, only_map=self._correlation is not None),
-            log_odds=-PRIOR,
+            explanations=Explanations.start(anchors),
             strengths=self.model.other.start(),
             energy=self._quiet_energy,
         )
         self._stamp_unit.reset()
-        self._noisier = _Noisier(np.zeros(self.scene.layout.size), self.model, self._correlation)
         self._stamp_ns = None
         self._updated_ns = 0
         self._belief = None
@@ -267,10 +252,10 @@ class Localizer:
         stretch = max(travel, self._update_distance)
         self._consistency.observe(last, present, travel)
         phalanges, exponent = self._used(present), min(1.0, stretch / self._information_length)
-        used = phalanges if self._correlation is None else np.ones(1, dtype=bool)
-        model, correlation = self._with_noise(phalanges)
+        used = np.ones(1, dtype=bool) if self.model.noise.joint else phalanges
 
         prediction, sweep = self._predict(displacement, travel)
+        model = self._with_noise(sweep.model, phalanges)
         states = len(prediction.states)
         places = np.concatenate([prediction.states, self._anchors.states])
         nodes, expected = model.expected(places)
@@ -298,48 +283,27 @@ class Localizer:
             np.where(far, material * (likelihoods.anchors - tracked), -np.inf),
             exponent * (other - tracked),
         )
-        sums, log_odds = sweep.sums, sweep.log_odds
-        if correlation is not None:
-            sums = correlation.update(
-                sums,
-                innovation.strain,
-                innovation.map,
-                model.variance(nodes),
-                np.exp(prediction.log_weights),
-                stretch,
-            )
-            boxes = self._anchors.index(prediction.states)
-            masses = np.bincount(boxes, weights, minlength=len(self._anchors))
-            log_odds = correlation.log_odds(sums, masses, far)
 
-        self._sweep = _Sweep(weights, trend, sums, explanations, log_odds, strengths, energy)
+        self._sweep = _Sweep(model, weights, trend, explanations, strengths, energy)
         self._belief = belief
         volume = float(model.noise.log_volume[used].sum())
         self._log_likelihoods = np.array([tracked, other]) + volume
         self._travel += travel
         self._decide(prediction.states, weights, belief, travel)
 
-    def _with_noise(self, used: np.ndarray) -> tuple[SweepMixture, Correlation | None]:
-        """The models for the noise of the sweep, whitened anew where it has changed by a fifth."""
+    def _with_noise(self, model: SweepMixture, used: np.ndarray) -> SweepMixture:
+        """The model for the noise of the sweep: that of before, or a new one where it changed by a fifth."""
         usual = self.model.noise.variance
         excess = np.minimum(self._noise.excess(self._update_distance), _LARGEST_EXCESS * usual)
-        if self._correlation is not None:
+        if self.model.noise.joint:
             # All channels are whitened together: a phalanx that does not count is one that is all noise.
             excess = np.where(self.scene.layout.expand(used), excess, _SILENT * usual)
-        before = self._noisier.excess
-        if (np.abs(excess - before) > _CHANGED * (usual + before)).any():
-            correlation = self._correlation
-            if correlation is not None:
-                transform = np.linalg.inv(self.model.noise.rewhitening(excess))
-                correlation = correlation.with_noise(transform @ transform.T)
-            self._noisier = _Noisier(excess, self.model.with_noise(excess), correlation)
-        return self._noisier.model, self._noisier.correlation
+        changed = np.abs(excess - model.excess) > _CHANGED * (usual + model.excess)
+        return self.model.with_noise(excess) if changed.any() else model
 
     def _scale(self, before: np.ndarray, energy: np.ndarray, travel: float) -> tuple[np.ndarray, np.ndarray]:
         """Mean energy (F,) of the sweep off the map, and the factor (F,) of the variance that it shows."""
         mean = before + min(1.0, travel / ENERGY_MEMORY) * (energy - before)
-        if self._correlation is not None:
-            return mean, np.ones_like(mean)
         return mean, (mean / self._quiet_energy).clip(1.0, _LARGEST_SCALE)
 
     def _predict(self, displacement: np.ndarray, travel: float) -> tuple[Prediction, _Sweep]:
@@ -361,7 +325,6 @@ class Localizer:
         begun = np.concatenate([rows[anchors.index(prediction.states)], rows])
         return prediction, sweep._replace(
             trend=sweep.trend.followed(ancestors, continued, begun),
-            sums=sweep.sums if injection is None else sweep.sums.relocated(sweep.log_odds),
             explanations=explanations,
         )
 
@@ -370,7 +333,7 @@ class Localizer:
     ) -> np.ndarray:
         """Log-likelihoods (P,) by the model for the position, of the strain without the sweep's offset."""
         assert self._position_model is not None
-        if self._correlation is None:
+        if self.model.map.featureless_variance is not None:
             trend = np.exp(prediction.log_weights) @ innovation.map_trend[: len(prediction.states)]
             strain = self.model.in_volts(innovation.strain + innovation.turned + trend)
         return self._position_model.log_likelihood(prediction.states, strain, used)
@@ -378,16 +341,10 @@ class Localizer:
     def _decide(self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float) -> None:
         """Whether the position has converged."""
         explanations = self._sweep.explanations
-        on_map, unknown = explanations.on_map, explanations.other
-        if self._correlation is not None:
-            on_map = probability(self._sweep.log_odds)
-            unknown = 1.0 - on_map
-        self._on_map = on_map
         away = self._motion.displacement(belief.mean, states)
         radius, registration = self._convergence.criteria.radius, self._registration.diagonal()
         near = probability_within(away, weights, radius, registration)
-        tracked = on_map * explanations.tracked / max(explanations.on_map, 1e-300)
-        self._convergence.update(near, tracked, unknown, travel)
+        self._convergence.update(near, explanations.tracked, explanations.other, travel)
 
     def _used(self, present: np.ndarray) -> np.ndarray:
         """Phalanges that are present and consistent; the present ones, where none is left."""
@@ -410,7 +367,7 @@ class Localizer:
             state=convergence.state,
             reason=convergence.reason,
             probability=convergence.probability,
-            on_map=self._on_map,
+            on_map=self._sweep.explanations.on_map,
             log_marginal=log_marginal,
             log_other=log_other,
             consistent=self._consistency.consistent,

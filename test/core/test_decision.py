@@ -12,7 +12,6 @@ import pytest
 from support.models import noise_model
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.hypotheses.correlation import MEMORY, PRIOR, Correlation, Sums
 from tactile_localizer.core.hypotheses.explanations import (
     LEAST_OTHER,
     RELOCATION_RATE,
@@ -47,10 +46,6 @@ def test_other_material_is_never_ruled_out_by_what_was_felt_before(other: float)
     assert sum(moved[:3]) == pytest.approx(1.0)
 
 
-def test_where_the_material_is_felt_everywhere_the_hand_is_on_the_map() -> None:
-    assert Explanations.start(4, only_map=True).predict(0.1, left=0.2).other == 0.0
-
-
 def test_parts_of_a_measurement_add_up_to_the_whole() -> None:
     before = Explanations(0.4, 0.2, 0.4, EVEN)
     elsewhere = np.array([1.0, -2.0, 0.5, -1.0])
@@ -59,84 +54,6 @@ def test_parts_of_a_measurement_add_up_to_the_whole() -> None:
         parts = parts.update(0.05, 0.25 * elsewhere, 0.25 * 0.7)
     assert parts[:3] == pytest.approx(whole[:3])
     np.testing.assert_allclose(parts.elsewhere, whole.elsewhere)
-
-
-# Correlation with the map along a sweep, where the material is felt everywhere.
-
-
-def correlation(places: float = 1.0, channels: int = 2) -> Correlation:
-    """Of a map whose innovations, like those of the strain, are white with a variance of one."""
-    axes = math.sqrt(channels) * np.vstack([np.eye(channels), -np.eye(channels)]) / math.sqrt(2.0)
-    return Correlation(axes, 1e-12, places)
-
-
-def test_evidence_is_the_likelihood_ratio_of_the_correlation_beyond_chance() -> None:
-    """n numbers that correlate by r: -n/2 log(1 - r^2), less what two of them correlate by chance."""
-    n, r, at = 40.0, 0.8, np.array([1.0, 0.0, 0.0, 0.0])
-    by_chance = 1.0 / math.sqrt(n)
-    product = np.array([r, r, by_chance, -by_chance, by_chance])  # along the belief, then along the anchors
-    sums = Sums(9, np.ones(5), np.ones(5), product, -PRIOR)
-    odds = correlation().log_odds(sums, at, far=at == 0.0)
-    assert odds == pytest.approx(-PRIOR - 0.5 * (n - 2.0) * math.log(1.0 - r**2))
-    negative = correlation().log_odds(sums._replace(product=-product), at, at == 0.0)
-    assert negative == pytest.approx(-PRIOR), "the opposite of the map is no evidence for it"
-
-
-def test_a_narrow_belief_pays_for_the_places_that_can_be_distinguished() -> None:
-    sums, everywhere = Sums.start(1000), np.ones(1000, dtype=bool)
-    one, ten, uniform = (np.repeat(1.0 / n, n) for n in (1, 10, 1000))
-    for masses, paid in ((one, math.log(20.0)), (ten, math.log(20.0)), (uniform, 0.0)):
-        masses = np.pad(masses, (0, 1000 - len(masses)))
-        assert correlation(places=20.0).log_odds(sums, masses, everywhere) == pytest.approx(-PRIOR - paid)
-
-
-def test_what_was_felt_is_forgotten_with_the_travel() -> None:
-    felt = Sums(9, np.full(3, 4.0), np.full(3, 2.0), np.full(3, 1.0), -PRIOR)
-    nothing = np.zeros((3, 2), np.float32)
-    later = correlation().update(felt, np.zeros(2), nothing, np.ones(3), np.ones(1), MEMORY)
-    for before, after in zip(felt[1:4], later[1:4], strict=True):
-        np.testing.assert_allclose(after, before / math.e)
-
-
-def test_a_burst_counts_no_more_than_an_ordinary_strain() -> None:
-    empty = Sums(9, *np.zeros((3, 2)), -PRIOR)
-    for size in (1e2, 1e5):
-        burst = np.array([size, -size])
-        there = np.tile(burst, (2, 1)).astype(np.float32)
-        sums = correlation().update(empty, burst, there, np.ones(2), np.ones(1), MEMORY)
-        for total in sums[1:4]:
-            assert ((total > 0.0) & (total < 2.0)).all(), "two channels with a variance of one"
-
-
-def test_the_correlation_is_not_raised_by_a_place_chosen_after_the_strain() -> None:
-    """Of two states as probable as each other one expects the strain and one its opposite."""
-    strain = np.array([0.3, -0.2])
-    there = np.array([strain, -strain, strain], dtype=np.float32)
-    empty, even = Sums(9, *np.zeros((3, 2)), -PRIOR), np.full(2, 0.5)
-    sums = correlation().update(empty, strain, there, np.ones(3), even, MEMORY)
-    assert sums.product[0] == pytest.approx(0.0, abs=1e-9)
-    assert sums.product[1] > 0.0, "along the anchor, which was there before"
-    assert sums.strain[0] == pytest.approx(sums.strain[1])
-
-
-def test_a_noisy_channel_loses_its_weight_in_the_correlation() -> None:
-    noisier, (one, other) = correlation().with_noise(np.diag([1e20, 1.0])), np.eye(2)
-    empty = Sums(9, *np.zeros((3, 2)), -PRIOR)
-    for channel, change in ((one, 0.0), (other, 1.0)):
-        there = np.tile(0.1 * channel, (2, 1)).astype(np.float32)
-        plain, noisy = (
-            each.update(empty, 0.1 * channel, there, np.ones(2), np.ones(1), MEMORY)
-            for each in (correlation(), noisier)
-        )
-        np.testing.assert_allclose(noisy.product, change * plain.product, atol=1e-6)
-
-
-def test_the_evidence_of_a_relocated_hand_begins_anew() -> None:
-    filled = Sums(9, *np.arange(1.0, 10.0).reshape(3, 3), -2.0)
-    relocated = filled.relocated(1.5)
-    np.testing.assert_array_equal(relocated[1:4], np.zeros((3, 3)))
-    assert relocated.prior == 1.5
-    assert filled.relocated(50.0).prior == pytest.approx(math.log(100.0))
 
 
 # The level and rate by which a sweep differs from the scan.

@@ -31,7 +31,7 @@ FIGURES = (
     *("converged", "false_sweeps", "false_strains", "false_before", "false_blank"),
     *("foreign_strains", "foreign_sweeps"),
 )
-LENGTH, PITCH, NOISE = 0.2, 0.0005, 2.5
+LENGTH, PITCH, NOISE = 0.2, 0.0005, 1.5
 NOISY = 10.0
 """Noise of one channel in the last row, whose weight the sweep itself has to show."""
 

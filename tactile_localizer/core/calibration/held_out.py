@@ -37,6 +37,8 @@ _WRONG_PLACE_M = 0.02
 """m: standard deviation of a shift before contact, and the uncertainty from which it is not known."""
 _SURROUNDINGS = 0.05
 """m around a scan in which a hand is localized."""
+_BEYOND = 0.001
+"""m beyond a scan that a hand is still on the map, as its position has errors."""
 _MAX_RELATIVE_ERROR = 6.0
 """Multiple of the median absolute error at which errors are clipped."""
 _MAX_DROP_NATS = 1.0
@@ -110,7 +112,7 @@ def register(model: SweepModel, points: slice, without: np.ndarray) -> Shifts:
     step = max(0.5 * scan.spacing, PITCH)
     beside = step * np.vstack([np.zeros(axes), np.eye(axes), -np.eye(axes)]) / scale
     places = (positions + beside[:, None]).reshape(-1, axes)
-    interpolation = interpolate(tracks, places, scan.spacing, material.components, without)
+    interpolation = interpolate(tracks, places, scan.spacing, without)
     expected = interpolation.expected(scan.signal)
     spread = model.variance.variance(expected, layout)[: len(positions), 0]
     mean = expected.average.reshape(len(beside), len(positions), -1)
@@ -136,16 +138,22 @@ def register(model: SweepModel, points: slice, without: np.ndarray) -> Shifts:
 
 
 def surroundings(scene: Scene, positions: np.ndarray) -> Scene:
-    """The scene cropped to :data:`_SURROUNDINGS` around positions (n, d); full-turn axes remain whole."""
-    low = positions.min(axis=0) - _SURROUNDINGS / levers(scene)
-    high = positions.max(axis=0) + _SURROUNDINGS / levers(scene)
-    axes = tuple(
-        axis
-        if wraps
-        else replace(axis, lower=float(max(axis.lower, least)), upper=float(min(axis.upper, most)))
-        for axis, wraps, least, most in zip(scene.axes, scene.wraps, low, high, strict=True)
-    )
-    return replace(scene, axes=axes)
+    """The scene in which a hand is localized that was scanned at ``positions`` (n, d).
+
+    Its bounds are those given, but at least :data:`_BEYOND` and at most :data:`_SURROUNDINGS` around the
+    positions within them. Those of yaw are not widened, and full-turn axes remain whole.
+    """
+    scale, axes = levers(scene), []
+    for axis, wraps, lever, along in zip(scene.axes, scene.wraps, scale, positions.T, strict=True):
+        if not wraps:
+            inside, most = along.clip(axis.lower, axis.upper), _SURROUNDINGS / lever
+            first, last = float(inside.min()), float(inside.max())
+            least = -math.inf if axis.name == "yaw" else _BEYOND
+            lower = max(min(axis.lower, first - least), first - most)
+            upper = min(max(axis.upper, last + least), last + most)
+            axis = replace(axis, lower=lower, upper=upper)
+        axes.append(axis)
+    return replace(scene, axes=tuple(axes))
 
 
 def registration_std(found: Sequence[Shifts], scene: Scene) -> np.ndarray:

@@ -7,8 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.core.hypotheses.correlation import Correlation
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift, innovations
 from tactile_localizer.core.likelihood.noise_model import WhitenedScan, whiten
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
@@ -18,7 +16,6 @@ from tactile_localizer.core.likelihood.strain_map import (
     build_map,
     cell_size,
     fit_variance,
-    summed_correlation,
 )
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import ENERGY_MEMORY
@@ -95,15 +92,6 @@ class SweepModel(NamedTuple):
     def cell(self, scene: Scene, lines: float) -> np.ndarray:
         """Size (d,) of cells of ``lines`` line spacings."""
         return cell_size(scene, self.scan.spacing, lines)
-
-    def correlation(self, scene: Scene, table: StrainMap) -> Correlation | None:
-        """Evidence for the map; ``None`` where featureless material is the alternative."""
-        if self.scan.material.has_level:
-            return None
-        along = self._innovations(scene, table)
-        length = summed_correlation(along, self.scan.material.memory)
-        places = float(np.prod(np.maximum(scene.extent * levers(scene) / length, 1.0)))
-        return Correlation(np.concatenate(along), float(np.median(table.variance)), places)
 
     def _innovations(self, scene: Scene, table: StrainMap) -> list[np.ndarray]:
         """Innovations (n, C) of the map along sweeps of the scan."""

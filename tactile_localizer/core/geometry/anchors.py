@@ -9,6 +9,8 @@ import numpy as np
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.scene import Scene
 
+_COUNT = 200
+"""Number of boxes, about."""
 _LEAST_PITCH = 0.001
 """Least size of a box, m: a filter's cells are smaller."""
 
@@ -21,18 +23,17 @@ class Anchors:
     Parameters
     ----------
     scene : bounds of the state
-    count : number of boxes, about
 
     Attributes
     ----------
     pitch : (d,) size of the boxes, m (yaw: rad)
     """
 
-    def __init__(self, scene: Scene, count: int) -> None:
+    def __init__(self, scene: Scene) -> None:
         self._lower, self._extent = scene.lower, scene.extent
         extent = self._extent * levers(scene)
-        pitch = max((float(np.prod(extent)) / count) ** (1.0 / scene.dimension), _LEAST_PITCH)
-        self._counts = np.clip(np.rint(extent / pitch), 1, count).astype(int)
+        pitch = max((float(np.prod(extent)) / _COUNT) ** (1.0 / scene.dimension), _LEAST_PITCH)
+        self._counts = np.clip(np.rint(extent / pitch), 1, _COUNT).astype(int)
         self.pitch = self._extent / self._counts
         index = np.indices(self._counts).reshape(scene.dimension, -1).T
         self._origin = (index + 0.5) * self.pitch

@@ -20,6 +20,8 @@ RETURN_RATE = 3.0
 material, a hem or a label, are some 0.3 m long. By judgement."""
 RELOCATION_TRAVEL = 0.01
 """Least travel over which a place elsewhere must explain the strain better, m. By judgement."""
+AWAY = 0.01
+"""Distance from the estimate beyond which an anchor is elsewhere, m. By judgement."""
 _SPLIT = 0.5
 """Ratio of the probabilities of *relocated* and *tracked* above which the filter takes in the belief of a
 relocated hand, which moves the mean. By judgement."""
@@ -42,10 +44,9 @@ class Explanations(NamedTuple):
     elsewhere: np.ndarray
 
     @classmethod
-    def start(cls, anchors: int, only_map: bool) -> Explanations:
-        """Before the first strain: on the map as probable as not; surely, with ``only_map``."""
-        uniform = np.full(anchors, -math.log(anchors))
-        return cls(1.0, 0.0, 0.0, uniform) if only_map else cls(0.5, 0.0, 0.5, uniform)
+    def start(cls, anchors: int) -> Explanations:
+        """Before the first strain: on the map as probable as not."""
+        return cls(0.5, 0.0, 0.5, np.full(anchors, -math.log(anchors)))
 
     @property
     def on_map(self) -> float:
@@ -66,12 +67,11 @@ class Explanations(NamedTuple):
         tracked, relocated, other, elsewhere = self
         if self.injection:
             tracked, relocated = tracked + relocated, 0.0
-        if other > 0.0:
-            returned = -math.expm1(-RETURN_RATE * travel) * other
-            tracked, other = tracked * (1.0 - left) + returned, other - returned + tracked * left
-            if other < LEAST_OTHER:
-                kept = (1.0 - LEAST_OTHER) / (1.0 - other)
-                tracked, relocated, other = kept * tracked, kept * relocated, LEAST_OTHER
+        returned = -math.expm1(-RETURN_RATE * travel) * other
+        tracked, other = tracked * (1.0 - left) + returned, other - returned + tracked * left
+        if other < LEAST_OTHER:
+            kept = (1.0 - LEAST_OTHER) / (1.0 - other)
+            tracked, relocated, other = kept * tracked, kept * relocated, LEAST_OTHER
         moved = -math.expm1(-RELOCATION_RATE * travel)
         arriving = moved * (tracked + other)
         uniform = math.log(max(arriving, 1e-300) / len(elsewhere))
@@ -93,9 +93,9 @@ class Explanations(NamedTuple):
         other : of other material
         """
         elsewhere, relocated = normalize(self.elsewhere + elsewhere)
-        # What a finger brushes over a few millimetres is no reason to give a place up.
+        # What a finger brushes over a few millimetres is no reason to give up what explains it so far.
         against = -math.log(RELOCATION_RATE * RELOCATION_TRAVEL)
-        relocated = min(relocated, against * travel / RELOCATION_TRAVEL)
+        relocated = min(relocated, max(other, 0.0) + against * travel / RELOCATION_TRAVEL)
         logs = np.array([_log(self.tracked), _log(self.relocated) + relocated, _log(self.other) + other])
         tracked, relocated, other = np.exp(normalize(logs)[0]).tolist()
         return Explanations(tracked, relocated, other, elsewhere)

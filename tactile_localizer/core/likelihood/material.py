@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tactile_localizer.core.scan.interpolation import PAIRS
-
 
 class Material(NamedTuple):
     """Values that a model takes from the kind of the material.
@@ -18,8 +16,6 @@ class Material(NamedTuple):
     session_ratio : variance of the level of a new sweep, in that of the scan's sweeps; infinite: unknown
     memory : m of travel over which the level is averaged; infinite for a constant
     information_length : m of travel per independent measurement of the position
-    components : pairs of sweeps from which a place is interpolated
-    anchors : number of trajectories, about, that represent the whole map
     """
 
     has_level: bool
@@ -27,11 +23,9 @@ class Material(NamedTuple):
     session_ratio: float
     memory: float
     information_length: float
-    components: int
-    anchors: int
 
 
 # The variance of a new level counts four times, because another session differs twice as much; with a hundred
-# times the feature was mistaken for a level. Boxes of anchors are 3.5 and 1.3 mm wide in a square of 50 mm.
-SHEET = Material(True, False, 4.0, math.inf, 0.0017, PAIRS, 200)
-CLOTH = Material(False, True, math.inf, 0.01, 0.005, 1, 1600)
+# times the feature was mistaken for a level.
+SHEET = Material(True, False, 4.0, math.inf, 0.0017)
+CLOTH = Material(False, True, math.inf, 0.01, 0.006)

@@ -54,6 +54,7 @@ class NoiseModel:
     offset_variance : (C,) whitened variance of the level of a new sweep; infinite: it is unknown
     turning : (C,) change of the whitened featureless strain per rad of yaw: friction turns with the hand
     white : white noise of the scan's channels
+    joint : whether all phalanges are whitened together, as one
     """
 
     layout: ChannelLayout
@@ -63,6 +64,7 @@ class NoiseModel:
     offset_variance: np.ndarray
     turning: np.ndarray
     white: WhiteNoise
+    joint: bool
 
     def rewhitening(self, excess: np.ndarray) -> np.ndarray:
         """Transform (C, C) of whitened strains that whitens a noisier visit.
@@ -144,10 +146,20 @@ def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
         whitening = _whitening(differences, resolution, layout)
     log_volume = np.array([np.log(np.diag(whitening)[own]).sum() for own in layout.slices])
     noise = NoiseModel(
-        layout, centre, whitening, log_volume, offset_variance, whitening @ turning, white_noise(scan, scene)
+        layout,
+        centre,
+        whitening,
+        log_volume,
+        offset_variance,
+        whitening @ turning,
+        white_noise(scan, scene),
+        material.joint_noise,
     )
     strain = strain @ whitening.T
-    signal = _shrink(strain, tracks, scene) if material.has_level else strain
+    if material.has_level:
+        signal = _shrink(strain, tracks, scene)
+    else:
+        signal = strain * _reproducible_fraction(strain, held_out, material.memory)
     return WhitenedScan(tracks, spacing, held_out, material, noise, level - centre, strain, signal)
 
 
@@ -237,6 +249,24 @@ def _is_featureless(whitened: np.ndarray, held_out: HeldOut, layout: ChannelLayo
     expected = held_out.interpolation.best(1).expected(whitened).mean[:, 0]
     products = layout.mean(_smoothed(whitened[held_out.points] * expected, held_out.slices))
     return bool(np.mean(products < _REPRODUCIBLE) > _MOSTLY_FEATURELESS)
+
+
+def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, memory: float) -> float:
+    """Slope, from 0 to 1, of the innovations of tracks with ``strain`` (n, C) on those of the others.
+
+    The less of a map is signal, the less of it is expected of a new visit; 1 of a single track.
+    """
+    if held_out is None:
+        return 1.0
+    expected = held_out.interpolation.best(1).expected(strain).mean[:, 0]
+    product = energy = 0.0
+    for own in held_out.slices:
+        felt, there = (
+            innovations(each[own], memory, PITCH)[BEFORE:] for each in (strain[held_out.points], expected)
+        )
+        product += float(np.sum(felt * there))
+        energy += float(np.sum(there**2))
+    return min(max(product / energy, 0.0), 1.0) if energy > 0.0 else 1.0
 
 
 def _shrink(strain: np.ndarray, tracks: Tracks, scene: Scene) -> np.ndarray:

@@ -145,7 +145,7 @@ def fit_variance(scan: WhitenedScan) -> VarianceModel:
             residuals[own] = innovations(residuals[own], material.memory, PITCH, robust=True)
         parts = [own[min(BEFORE, len(own) // 2) :] for own in parts]
     thinned = np.concatenate([own[:: max(1, len(own) // _MOST_POINTS)] for own in parts])
-    expected = interpolation.best(material.components).at(thinned).expected(scan.signal)
+    expected = interpolation.at(thinned).expected(scan.signal)
     by_component = residuals[thinned, None] + first.mean[thinned] - expected.mean
     start = VarianceModel()
     if material.has_level:
@@ -199,7 +199,7 @@ def build_map(
 ) -> StrainMap:
     """Tables for a filter whose cells have the size ``cell`` (d,).
 
-    Each place has as many components as the material says: the nearest pairs of tracks.
+    Each place has as many components as pairs of tracks are near it.
     """
     per_cell = 1 if scene.dimension == 3 else NODES_PER_CELL
     extent = scene.extent
@@ -210,7 +210,7 @@ def build_map(
     places = flatten_axes(axes)
     tables: list[np.ndarray] = []
     for part in tiles(places * levers(scene)):
-        interpolation = interpolate(scan.tracks, places[part], scan.spacing, scan.material.components)
+        interpolation = interpolate(scan.tracks, places[part], scan.spacing)
         expected = interpolation.expected(scan.signal)
         spread = variance.variance(expected, scan.noise.layout)
         found = (expected.mean, spread, expected.log_prior)

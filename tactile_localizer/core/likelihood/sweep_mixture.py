@@ -31,6 +31,10 @@ class SweepMixture:
     drift : filter of what a sweep differs by
     other : material that was not scanned
     information_length : m of travel per independent measurement of the position
+
+    Attributes
+    ----------
+    excess : (C,) V^2, by which the strains of the sweep have more noise than the scan's
     """
 
     def __init__(
@@ -54,6 +58,7 @@ class SweepMixture:
         # A product with these columns sums over the channels of each phalanx.
         self._columns = layout.expand(np.eye(layout.phalanges, dtype=np.float32)).T
         self._energy = self._by_phalanx(np.square(self._mean))
+        self.excess = np.zeros(layout.size)
         self._transform: np.ndarray | None = None
 
     def with_noise(self, excess: np.ndarray) -> SweepMixture:
@@ -65,6 +70,7 @@ class SweepMixture:
         transform = self.noise.rewhitening(excess)
         volume = [np.log(np.diag(transform)[own]).sum() for own in self.noise.layout.slices]
         model.noise = replace(self.noise, log_volume=self.noise.log_volume + np.array(volume))
+        model.excess = excess
         model._transform, model.other = transform.astype(np.float32), self.other.transformed(transform)
         model._energy = self._by_phalanx(np.square(self._mean @ model._transform.T))
         return model
@@ -114,10 +120,6 @@ class SweepMixture:
         """Nodes (N,) nearest to places (N, d), and the whitened strain there (N, C), first component."""
         nodes = self.map.nearest(places)
         return nodes, self._mean.take(nodes, axis=0)
-
-    def variance(self, nodes: np.ndarray) -> np.ndarray:
-        """Variance (N,) of a new visit to nodes of the map (N,), mean over the phalanges."""
-        return np.asarray(self._variance.take(nodes, axis=1).mean(axis=0))
 
     def off_map(self, innovation: Innovation) -> tuple[np.ndarray, np.ndarray]:
         """Innovation (C,) of a strain from featureless material, and the variance (F,) of its level."""

@@ -38,11 +38,6 @@ def log_sum(log_values: np.ndarray) -> float:
     return peak + math.log(float(np.exp(log_values - peak).sum()))
 
 
-def probability(log_odds: float) -> float:
-    """Probability of what has these odds."""
-    return 1.0 / (1.0 + math.exp(-min(max(log_odds, -50.0), 50.0)))
-
-
 def effective_sample_size(log_weights: np.ndarray) -> float:
     """Kish's effective sample size of normalized ``log_weights`` (P,), 1 / sum of squares: 1 to P."""
     return float(1.0 / np.sum(np.exp(2.0 * log_weights)))

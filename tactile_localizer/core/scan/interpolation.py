@@ -134,19 +134,18 @@ def interpolate(
     tracks: Tracks,
     places: np.ndarray,
     spacing: float,
-    components: int = PAIRS,
     without: np.ndarray | None = None,
 ) -> Interpolation:
     """Interpolate at ``places`` (M, d) that are near each other, between the tracks around each.
 
     On one axis the tracks repeat one line, and their mean is the only component. On more axes the components
-    are up to ``components`` pairs of tracks, each interpolated linearly. ``spacing`` is that of the lines, m;
+    are up to :data:`PAIRS` pairs of tracks, each interpolated linearly. ``spacing`` is that of the lines, m;
     the tracks ``without`` (S,) bool are left out.
     """
     kept = np.arange(len(tracks)) if without is None else np.flatnonzero(~without)
     repeats = tracks.scene.dimension == 1 or len(kept) == 1
     feet = _project(tracks, places, kept, every=repeats)
-    return _repeats(feet) if repeats else _pairs(feet, max(spacing, PITCH), components)
+    return _repeats(feet) if repeats else _pairs(feet, max(spacing, PITCH))
 
 
 def tiles(points: np.ndarray) -> Iterator[np.ndarray]:
@@ -251,7 +250,7 @@ def _repeats(feet: _Projections) -> Interpolation:
     return Interpolation(points, weights, excess * weights, 1.0 / count, np.zeros((places, 1)), nearest)
 
 
-def _pairs(feet: _Projections, spacing: float, components: int) -> Interpolation:
+def _pairs(feet: _Projections, spacing: float) -> Interpolation:
     """The pairs of tracks with the highest prior for each place: those close to it and on either side."""
     first, second = np.triu_indices(feet.distance.shape[1], 1)
     start, edge = feet.offset[:, :, first], feet.offset[:, :, second] - feet.offset[:, :, first]
@@ -262,7 +261,7 @@ def _pairs(feet: _Projections, spacing: float, components: int) -> Interpolation
     rest = _dot(left, left) / spacing**2
     further = np.maximum(np.sqrt(length) / spacing - 1.0, 0.0)
     score = -_PENALTY_PER_LINE * further - _PENALTY_OUTSIDE * rest
-    best = np.argsort(-score, axis=1, kind="stable")[:, :components]
+    best = np.argsort(-score, axis=1, kind="stable")[:, :PAIRS]
     rows = np.arange(len(best))[:, None]
     ratio, rest, score = ratio[rows, best], rest[rows, best], score[rows, best]
     pair = np.stack([first[best], second[best]])

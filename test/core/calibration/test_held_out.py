@@ -116,11 +116,16 @@ def test_the_registration_error_is_not_underestimated() -> None:
 
 
 def test_a_sweep_is_localized_in_its_surroundings() -> None:
-    axes = (Axis("x", -1.0, 1.0), Axis("y", 0.0, 0.1), Axis("yaw", -np.pi, np.pi))
+    """And up to a millimetre beyond the scan, but for yaw."""
+    axes = (Axis("x", -1.0, 1.0), Axis("y", 0.0, 0.0301), Axis("yaw", -0.2, 0.2))
     scene = Scene("large", axes, (Phalanx("index", (0.0, 0.0, 0.0)),))
-    near = surroundings(scene, np.array([[0.3, 0.02, 0.0], [0.4, 0.03, 0.0]]))
-    np.testing.assert_allclose(near.lower, [0.25, 0.0, -np.pi])
-    np.testing.assert_allclose(near.upper, [0.45, 0.08, np.pi])
+    near = surroundings(scene, np.array([[0.3, 0.02, -0.2], [0.4, 0.03, 0.2]]))
+    np.testing.assert_allclose(near.lower, [0.25, 0.0, -0.2])
+    np.testing.assert_allclose(near.upper, [0.45, 0.031, 0.2])
+    part = surroundings(scene, np.array([[-2.0, 0.05, 0.0], [2.0, -0.05, 0.0]]))
+    np.testing.assert_allclose([part.lower[:2], part.upper[:2]], [[-1.001, -0.001], [1.001, 0.0311]])
+    turn = replace(scene, axes=(*axes[:2], Axis("yaw", -np.pi, np.pi)))
+    assert surroundings(turn, np.zeros((1, 3))).upper[2] == np.pi
 
 
 def test_a_single_sweep_gets_the_prior_of_the_registration_error() -> None:

@@ -44,7 +44,7 @@ both = pytest.mark.parametrize("make", [grid, particles])
 
 def single_box(of: Scene, place: np.ndarray, fraction: float) -> Injection:
     """A belief in the anchor's box in which ``place`` (d,) is."""
-    anchors = Anchors(of, 200)
+    anchors = Anchors(of)
     weights = np.zeros(len(anchors))
     weights[anchors.index(place[None])] = 1.0
     return Injection(fraction, anchors, weights)
@@ -167,7 +167,7 @@ def test_hypotheses_handed_out_do_not_change_afterwards(make: Make) -> None:
 @both
 def test_belief_is_injected_wherever_an_anchor_is(make: Make) -> None:
     made = make(LINE, 200.0)
-    for place in Anchors(LINE, 200).states[::7]:
+    for place in Anchors(LINE).states[::7]:
         made.seed(np.array([0.02]), np.array([0.003]))
         prediction = made.predict(np.zeros(1), 0.0, single_box(LINE, place, 0.4))
         near = np.abs(prediction.states[:, 0] - place) < 0.0006

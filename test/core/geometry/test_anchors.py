@@ -17,7 +17,7 @@ displacements = st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3)
 @every_scene
 @given(along=displacements)
 def test_they_move_with_the_palm_and_return_at_the_opposite_bound(of: Scene, along: list[float]) -> None:
-    anchors = Anchors(of, 200)
+    anchors = Anchors(of)
     before, displacement = anchors.states, np.array(along[: of.dimension])
     anchors.move(displacement)
     turns = (anchors.states - before - displacement) / of.extent
@@ -31,7 +31,7 @@ def test_they_move_with_the_palm_and_return_at_the_opposite_bound(of: Scene, alo
 @every_scene
 @given(along=displacements, seed=st.integers(0, 2**32 - 1))
 def test_a_state_is_in_the_box_whose_centre_is_nearest(of: Scene, along: list[float], seed: int) -> None:
-    anchors = Anchors(of, 200)
+    anchors = Anchors(of)
     anchors.move(np.array(along[: of.dimension]))
     states = of.lower + np.random.default_rng(seed).random((50, of.dimension)) * of.extent
     away = (states - anchors.states[anchors.index(states)]) / of.extent

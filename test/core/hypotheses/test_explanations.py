@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.hypotheses.explanations import RELOCATION_RATE, RELOCATION_TRAVEL, Explanations
+from tactile_localizer.core.hypotheses.explanations import LEAST_OTHER, RELOCATION_TRAVEL, Explanations
 
 PLACES, PITCH = 20, 0.0005
 IMPOSSIBLE = -math.inf
@@ -21,12 +21,9 @@ def at_one_place(log_likelihood: float, places: int = PLACES) -> np.ndarray:
 log_likelihood = st.floats(-1e4, 1e4) | st.just(IMPOSSIBLE)
 
 
-@given(
-    st.booleans(),
-    st.lists(st.tuples(log_likelihood, log_likelihood, st.floats(0, 10), st.floats(0, 1)), max_size=20),
-)
-def test_probabilities_always_sum_to_one(only_map: bool, steps: list[tuple[float, ...]]) -> None:
-    explanations = Explanations.start(PLACES, only_map)
+@given(st.lists(st.tuples(log_likelihood, log_likelihood, st.floats(0, 10), st.floats(0, 1)), max_size=20))
+def test_probabilities_always_sum_to_one(steps: list[tuple[float, ...]]) -> None:
+    explanations = Explanations.start(PLACES)
     for elsewhere, other, travel, left in steps:
         explanations = explanations.predict(travel, left)
         explanations = explanations.update(travel, at_one_place(elsewhere), other)
@@ -35,20 +32,14 @@ def test_probabilities_always_sum_to_one(only_map: bool, steps: list[tuple[float
         assert 0.0 <= explanations.injection <= 1.0
 
 
-def test_where_the_map_alone_explains_no_hand_leaves_it() -> None:
-    moved = Explanations.start(PLACES, only_map=True).predict(0.3, 0.5)
-    assert moved.on_map == 1.0
-    assert moved.relocated == pytest.approx(-math.expm1(-RELOCATION_RATE * 0.3))
-
-
 def test_what_moves_beyond_the_bounds_is_on_other_material() -> None:
-    moved = Explanations.start(PLACES, only_map=False).predict(0.0, 0.4)
+    moved = Explanations.start(PLACES).predict(0.0, 0.4)
     assert moved[:3] == pytest.approx((0.3, 0.0, 0.7))
 
 
 def relocated(nats: float, places: int = PLACES, travel: float = 0.05) -> tuple[Explanations, float]:
     """Explanations once a place that is better by ``nats`` at every update takes over, and the travel."""
-    explanations = Explanations.start(places, only_map=True)
+    explanations = Explanations.start(places)
     for n in range(round(travel / PITCH)):
         explanations = explanations.predict(PITCH, 0.0).update(PITCH, at_one_place(nats, places), -5.0)
         if explanations.injection:
@@ -63,7 +54,13 @@ def test_a_relocated_hand_takes_over_once_another_place_explains_more() -> None:
     assert explanations.injection == pytest.approx(explanations.relocated / explanations.on_map)
     moved = explanations.predict(0.0, 0.0)
     assert moved.relocated == 0.0
-    assert moved.tracked == pytest.approx(explanations.on_map)
+    assert moved.tracked == pytest.approx(explanations.on_map, abs=LEAST_OTHER)
+
+
+def test_another_place_gains_on_other_material_that_explains_less() -> None:
+    before = Explanations(0.02, 0.08, 0.9, at_one_place(0.0))
+    after = before.update(PITCH, at_one_place(4.0), 2.0)
+    assert after.relocated / after.other > before.relocated / before.other
 
 
 @pytest.mark.parametrize("places", [4, 200, 1600])
@@ -75,7 +72,7 @@ def test_it_takes_a_centimetre_however_much_better_the_other_place_is(nats: floa
 
 
 def test_of_a_place_near_the_estimate_no_hand_is_relocated() -> None:
-    explanations = Explanations.start(PLACES, only_map=False).predict(0.01, 0.0)
+    explanations = Explanations.start(PLACES).predict(0.01, 0.0)
     near = np.full(PLACES, IMPOSSIBLE)
     assert explanations.update(0.01, near, IMPOSSIBLE).relocated == 0.0
     assert explanations.update(0.02, at_one_place(50.0), IMPOSSIBLE).relocated > 0.99

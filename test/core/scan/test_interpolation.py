@@ -39,8 +39,8 @@ def test_the_order_of_the_sweeps_is_irrelevant(order: list[int]) -> None:
     strain, places = np.random.default_rng(1).standard_normal(LINES.strain.shape), inside(40)
     rows = np.concatenate([np.arange(len(strain))[LINES.slices[index]] for index in order])
     other = Tracks(PLANE, LINES.positions[rows], LINES.strain[rows], LINES.counts[order])
-    mine = interpolate(LINES, places, SPACING, 3).expected(strain)
-    theirs = interpolate(other, places, SPACING, 3).expected(strain[rows])
+    mine = interpolate(LINES, places, SPACING).expected(strain)
+    theirs = interpolate(other, places, SPACING).expected(strain[rows])
     for one, two in zip(mine, theirs, strict=True):
         np.testing.assert_allclose(one, two, atol=1e-9)
 
@@ -90,12 +90,12 @@ def test_places_are_interpolated_alike_among_few_and_many_others(monkeypatch: py
     starts = rng.uniform(0.0, 0.45, (60, 1, 2))
     tracks = joined(wide, *[(start + along, rng.standard_normal((40, 8))) for start in starts])
     places = rng.uniform(0.0, 0.5, (300, 2))
-    whole = interpolate(tracks, places, 0.01, 3).expected(tracks.strain)
+    whole = interpolate(tracks, places, 0.01).expected(tracks.strain)
     monkeypatch.setattr("tactile_localizer.core.scan.interpolation._PLACES_AT_ONCE", 20)
     parts = list(tiles(places))
     np.testing.assert_array_equal(np.sort(np.concatenate(parts)), np.arange(300))
     assert max(map(len, parts)) <= 20
     for part in parts:
-        found = interpolate(tracks, places[part], 0.01, 3).expected(tracks.strain)
+        found = interpolate(tracks, places[part], 0.01).expected(tracks.strain)
         for mine, theirs in zip(found, whole, strict=True):
             np.testing.assert_allclose(mine, theirs[part], rtol=1e-12, atol=1e-15)

@@ -39,6 +39,7 @@ def noise_model(
         np.full(size, offset_variance),
         np.broadcast_to(turning, size),
         white,
+        joint=False,
     )
 
 
