@@ -100,9 +100,10 @@ def test_a_closed_pipe_ends_the_command_quietly() -> None:
         ("tradeoff a.csv --scan none -o file", "file/tradeoff.png: could not be written, Not a directory"),
         ("scan plot none -o file", "file/map.png: could not be written, Not a directory"),
         ("replay a.csv --scan none --plot b.png", "none: expected a scan folder"),
+        ("tradeoff a.csv --scan none --target-mm 0", "--target-mm: expected a positive number, got 0"),
     ],
 )
-def test_outputs_are_checked_before_the_work(
+def test_mistakes_are_found_before_the_work(
     tmp_path, monkeypatch, capsys: pytest.CaptureFixture, arguments: str, message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)

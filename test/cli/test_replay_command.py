@@ -118,8 +118,9 @@ def test_positions_in_millimetres_are_reported_and_not_localized(bump_folder: Pa
     assert "NOT localized" in printed
 
 
-def test_updates_are_reproducible_by_seed(bump_folder: Path) -> None:
-    short = COMMAND.replace("grid", "particle").replace("test.csv", "short.csv").split()
+@pytest.mark.parametrize("random", ["--filter particle --odometry exact", "--filter grid"])
+def test_updates_are_reproducible_by_seed(bump_folder: Path, random: str) -> None:
+    short = f"replay short.csv --scan bump_scan --config fast {random}".split()
     write_short(120)
     for name, seed in (("a", "7"), ("b", "7"), ("c", "8")):
         assert main([*short, "--seed", seed, "--json", f"{name}.json"]) < 2
