@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.bags import SCENE, slide, write_bag
+from support.bags import SCENE, moved, slide, write_bag
 from support.notes import counts
 
 from tactile_localizer.cli import main
@@ -102,6 +102,13 @@ def test_a_bag_is_imported(folder, run):
     output = run("bag bag --scene scene.yaml -o bump_scan")[1].splitlines()
     assert output[0] == "bump_scan: 1 sweeps, 197 pairs"
     assert counts(output) == [(3, 200)]
+
+
+@pytest.mark.parametrize(("directions", "sweeps"), [("both_ways", 2), ("one_way", 1)])
+def test_sweeps_of_a_bag_are_detected_in_one_or_both_directions(folder, run, directions, sweeps):
+    write_bag(folder / "bag", moved(slide(0, 2000), lambda ms: 0.01 + 3e-5 * abs(1000 - ms)))
+    printed = run(f"bag bag --scene scene.yaml --detect-sweeps {directions} -o bump_scan")[1]
+    assert f"bump_scan: {sweeps} sweeps, " in printed
 
 
 @pytest.mark.parametrize(

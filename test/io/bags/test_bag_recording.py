@@ -16,6 +16,7 @@ from support.bags import (
     START,
     STORE,
     TYPES,
+    moved,
     pose,
     posterior,
     slide,
@@ -132,14 +133,6 @@ def test_sweeps_follow_global_localizations(tmp_path):
     bag = write_bag(tmp_path / "bag", slide(0, 2000) + posteriors)
     assert ranges_ms(read_bag(bag, SCENE, by_status=False).sweeps) == [(100, 995), (1000, 1595), (1600, 2000)]
     assert len(read_bag(bag, SCENE).sweeps) == 1
-
-
-def moved(happened, x=None, frame="material"):
-    """The same with other poses; ``x`` gives the position at a time in ms."""
-    return [
-        (topic, ms, pose(ms, frame, x and x(ms)) if topic == "palm_pose" else message)
-        for topic, ms, message in happened
-    ]
 
 
 def test_bag_sweeps_are_detected_in_the_motion(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +97,16 @@ def slide(first_ms: int, last_ms: int) -> list[tuple[str, int, Any]]:
         if stamp_ms % 20 == 0:
             happened.append(("palm_pose", stamp_ms, pose(stamp_ms)))
     return happened
+
+
+def moved(
+    happened: list[tuple[str, int, Any]], x: Callable[[int], float] | None = None, frame: str = "material"
+) -> list[tuple[str, int, Any]]:
+    """The same with other poses; ``x`` gives the position at a time in ms."""
+    return [
+        (topic, ms, pose(ms, frame, x and x(ms)) if topic == "palm_pose" else message)
+        for topic, ms, message in happened
+    ]
 
 
 def write_bag(
