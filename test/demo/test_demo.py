@@ -50,9 +50,9 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     status = demo.wait(timeout_s=300.0)
     steps, replayed = demo.output.split("$ tactile-localizer replay ")
     assert "sweep  3: " in steps
-    assert [line for line in demo.lines if len(line) > 80 and str(tmp_path) not in line] == []
-    assert "\nlocalized: 3 of 3 sweeps right" in replayed
+    assert "\nlocalized: 3 of 3 sweeps right" in replayed, demo.output
     assert status == 0, demo.output
+    assert [line for line in demo.lines if len(line) > 80 and str(tmp_path) not in line] == []
     assert (folder / "replay.png").stat().st_size > 10_000
     assert len(ScanFolder(folder / "scan").sweeps()) == 42
     logs = {log.stem: log.read_text() for log in (folder / "log").glob("*.log")}
