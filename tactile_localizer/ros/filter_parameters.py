@@ -50,7 +50,7 @@ CONFIGURATION = tuple(map(_parameter, _DESCRIPTIONS))
 """One parameter per field of :class:`~tactile_localizer.core.configuration.Configuration`."""
 
 PARAMETERS = (
-    Parameter("scan_file", "", "Scan file, used as the map"),
+    Parameter("scan_file", "", "Scan (folder) that is the map"),
     Parameter(
         "scene_file",
         "",

@@ -31,7 +31,6 @@ from tactile_localizer.ros.subscriptions.tf_poses import PalmLookup
 from tactile_localizer.scene import Axis, Scene
 
 _Pairs = list[Pair[StrainSample]]
-_STAMPED = ("strain", "palm_pose")
 
 SYNCHRONIZATION = (
     Parameter(
@@ -154,7 +153,7 @@ class TactileInputs:
 
         Empty within ``tolerance_s``. A topic that stops is not misaligned.
         """
-        if len(self._ahead_ns) < len(_STAMPED):
+        if len(self._ahead_ns) < 2:  # both topics
             return ""
         ahead_s = min(self._ahead_ns.values(), key=abs) / NANOSECONDS
         if abs(ahead_s) <= tolerance_s:
