@@ -1,12 +1,9 @@
-"""What can happen to a scan: kills, flipped bytes, two writers, missing rights."""
+"""What can happen to a scan: kills, flipped bytes, two writers."""
 
 import multiprocessing
 import os
-import shutil
 import signal
 import time
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -99,40 +96,12 @@ def test_a_second_writer_is_refused(path):
     assert len(ScanFolder(path).load()) == SWEEPS * PAIRS
 
 
-def messages_without_rights(paths, found):
-    if os.geteuid() == 0:
-        os.setuid(65534)  # root may write everywhere
-    for path in paths:
-        try:
-            ScanWriter(path, SCENE).begin_sweep()
-        except ScanError as error:
-            found.put(str(error))
-
-
-def test_a_folder_without_rights_is_refused_in_one_line(path):
-    with TemporaryDirectory() as folder:
-        scan, new = Path(folder, "scan"), Path(folder, "new")
-        shutil.copytree(path, scan)
-        for place in (Path(folder), scan):
-            place.chmod(0o555)
-        context = multiprocessing.get_context("fork")
-        found = context.Queue()
-        process = context.Process(target=messages_without_rights, args=((scan, new), found))
-        process.start()
-        messages = [found.get(timeout=30.0) for _ in range(2)]
-        process.join()
-        Path(folder).chmod(0o755)
-        scan.chmod(0o755)
-        assert messages == [
-            f"{place}: expected a folder that can be written, Permission denied" for place in (scan, new)
-        ]
-        assert len(ScanFolder(scan).load()) == SWEEPS * PAIRS
-
-
 def test_a_foreign_folder_is_left_alone(tmp_path):
     (tmp_path / "holiday.jpg").touch()
     with pytest.raises(ScanError, match="expected a scan or an empty folder, found other files"):
         ScanWriter(tmp_path, SCENE)
+    with pytest.raises(ScanError, match=r"jpg/scan: expected a folder that can be written, Not a dir"):
+        ScanWriter(tmp_path / "holiday.jpg" / "scan", SCENE)
     assert [file.name for file in tmp_path.iterdir()] == ["holiday.jpg"]
 
 

@@ -37,7 +37,7 @@ def record(path, sweeps=3, n=10, scene=SCENE):
 
 
 def test_a_recorded_scan_reads_back(tmp_path):
-    with ScanWriter(tmp_path / "scan", SCENE) as writer:
+    with ScanWriter(tmp_path / "new" / "scan", SCENE) as writer:
         one, two = writer.begin_sweep(), writer.begin_sweep()
         two.append(*pairs(seed=3))
         for seed in (1, 2):
@@ -46,7 +46,7 @@ def test_a_recorded_scan_reads_back(tmp_path):
         one.end()
         two.end()
         writer.note("test", files=["a.csv"])
-    scan = ScanFolder(tmp_path / "scan")
+    scan = ScanFolder(tmp_path / "new" / "scan")
     first, second = scan.sweeps()
     assert (first.number, len(first), first.gaps, first.skipped, first.ending) == (1, 20, 3, 4, "ended")
     assert (second.number, second.strain_unit, second.ending) == (2, "counts", "ended")
