@@ -21,9 +21,8 @@ def test_overrides_precede_the_file(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("modle: gaussian", "(did you mean model?)"),
-        ("particles: many", "own.yaml: particles: expected int, got 'many'"),
         ("cell: -1", "own.yaml: cell: expected 0.01 to 10, got -1.0"),
+        ("particles: many", "own.yaml: particles: expected int, got 'many'"),
         ("[1, 2]", "own.yaml: configuration: expected a mapping, got [1, 2]"),
         ("a: [", "own.yaml: expected YAML, "),
     ],
