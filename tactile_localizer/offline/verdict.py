@@ -20,7 +20,8 @@ class Verdict:
     """Numbers of sweeps by their outcome.
 
     A sweep is *wrong* if it is ever converged with an error beyond the convergence radius, at any estimate.
-    It is *right* if it has converged at its end and was never wrong. Without a truth no sweep is wrong.
+    It is *right* if it is converged at the end of its contact with the feature, or of the sweep, and was
+    never wrong: past the feature nothing shows the position. Without a truth no sweep is wrong.
     To converge *early* is no failure where it is right: nobody who acts on the position is misled, and what
     is marked as contact is a threshold, below which a finger may feel the feature. A sweep that was early and
     off is wrong.
@@ -92,12 +93,18 @@ def judge(
             wrong += 1
             worst = describe_sizes(scene, error[relative.argmax()])
             notes.append(f"sweep {sweep.number} was converged to a wrong position, off by {worst}")
-        elif converges and sweep.converged[-1]:
+        elif _is_converged_at_an_end(sweep):
             right += 1
         else:
             notes.append(f"sweep {sweep.number} {_reason(sweep)}")
     has_truth = any(sweep.truth is not None for sweep in sweeps)
     return Verdict(len(sweeps), expected, right, wrong, early, never, has_truth, tuple(notes))
+
+
+def _is_converged_at_an_end(sweep: ReplayedSweep) -> bool:
+    """Whether a sweep is converged at the end of its contact, or at its own."""
+    in_contact = sweep.converged[sweep.on_contact]
+    return bool(in_contact[-1:].any() or sweep.converged[-1:].any())
 
 
 def _reason(sweep: ReplayedSweep) -> str:

@@ -33,14 +33,17 @@ def counts(*sweeps):
         (replayed(np.zeros((10, 2)), **TOUCHES), (1, 0, 0, 0, 1, False)),
         (replayed(np.zeros((10, 2))), (1, 0, 0, 0, 1, False)),
         (replayed(np.zeros((10, 2)), converged=np.arange(10) == 5, **TOUCHES), (1, 0, 0, 0, 0, False)),
+        (replayed(np.zeros((10, 2)), converged=LATE & (np.arange(10) < 8), **TOUCHES), (1, 1, 0, 0, 0, True)),
+        (replayed(np.zeros((10, 2)), converged=np.arange(10) > 8, **TOUCHES), (1, 1, 0, 0, 0, True)),
+        (replayed(np.zeros((10, 2)), converged=np.arange(10) < 8), (1, 0, 0, 0, 0, False)),
         (replayed(np.zeros((10, 2)), converged=np.arange(10) >= 2, **TOUCHES), (1, 1, 0, 1, 0, True)),
         (replayed(np.zeros((10, 2)), contact=(3, 3), contact_known=True), (0, 0, 0, 0, 0, False)),
         (replayed(np.zeros((10, 2)), **NONE), (0, 0, 0, 0, 0, False)),
         (replayed(np.full((10, 2), OFF), converged=LATE, **NONE), (1, 0, 1, 1, 0, False)),
         (replayed(np.empty((0, 2))), (1, 0, 0, 0, 1, False)),
     ],
-    ids=["right", "no truth", "never", "never, contact unknown", "not at its end", "early", "brushed",
-         "blank", "wrong on blank", "empty"],
+    ids=["right", "no truth", "never", "never, contact unknown", "at no end", "lost past the feature",
+         "found past it", "not at its end", "early", "brushed", "blank", "wrong on blank", "empty"],
 )  # fmt: skip
 def test_a_sweep_is_counted_by_its_outcome(sweep, expected) -> None:
     assert counts(sweep) == expected
