@@ -93,6 +93,11 @@ def test_invalid_entries_are_refused(entry, message):
         adapter(index=entry)
 
 
+def test_a_topic_has_one_type():
+    with pytest.raises(ParameterError, match=f"topic a: expected one type, got {WRENCH}, {ARRAY}"):
+        adapter(index={"topic": "a", "type": WRENCH}, thumb={"topic": "a", "type": ARRAY})
+
+
 def test_a_missing_adapter_file_is_named(tmp_path):
     with pytest.raises(ParameterError, match=r"none\.yaml: expected a strain adapter in YAML, found none"):
         load_adapter(tmp_path / "none.yaml")
