@@ -120,8 +120,8 @@ def main() -> None:
             below.set_xscale("log")
         if name == "passes":
             below.set_xticks(values)
-    panels[0, 0].set_ylabel("error from contact on, mm")
-    panels[1, 0].set_ylabel("strains from contact on, %")
+    panels[0, 0].set_ylabel("error, mm")
+    panels[1, 0].set_ylabel("strains, %")
     handles, labels = panels[1, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     figure.savefig(PICTURE, dpi=110)
