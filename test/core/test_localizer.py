@@ -12,6 +12,7 @@ from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.hypotheses.explanations import AWAY
+from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.errors import MeasurementError
 
 OF = scene()
@@ -176,6 +177,17 @@ def test_a_hand_near_the_estimate_is_tracked_and_not_relocated():
     near = np.linalg.norm(localizer._anchors.states - estimate.mean, axis=1) < 0.8 * AWAY
     assert near.sum() > 10
     assert not np.exp(localizer.explanations.elsewhere)[near].any()
+
+
+def test_the_evidence_against_another_place_is_weaker_the_longer_errors_of_the_map_are_correlated():
+    """All places share these errors, in which the estimate has an advantage."""
+    relocated = []
+    for length in (0.0005, 0.05):
+        variance = VarianceModel(visit=1.0, summed_correlation=length)
+        localizer = build(calibration=Calibration(np.full(2, 4e-4), variance))
+        list(slide(localizer, steps=20))
+        relocated.append(localizer.explanations.relocated)
+    assert relocated[1] > 10.0 * relocated[0]
 
 
 @pytest.mark.parametrize("std", [4e-4, 0.005])
