@@ -7,9 +7,9 @@
 
 from pathlib import Path
 
+from launch.event_handlers import OnProcessExit
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import SetParameter
-from launch_ros.event_handlers import OnStateTransition
 
 from launch import LaunchDescription, actions
 
@@ -22,9 +22,18 @@ def generate_launch_description():
     bag, rate = LaunchConfiguration("bag"), LaunchConfiguration("rate")
     localize = str(Path(__file__).with_name("localize.launch.py"))
     files = {"scan_file": LaunchConfiguration("scan_file")}
+    # An active filter publishes every second. The event of its transition is not waited for: it is lost if
+    # the filter is active before launch is discovered.
+    topic = [LaunchConfiguration("namespace"), "/filter/posterior"]
+    echo = ["ros2", "topic", "echo", "--once", "--no-daemon", topic, "tactile_localizer/msg/Posterior"]
     # The player does not wait for subscribers; its default of 40 Hz is coarse for the clock of a filter.
     command = ["ros2", "bag", "play", bag, "--clock", "200", "--rate", rate, "--delay", "3"]
-    play = actions.ExecuteProcess(cmd=[*command, "--exclude-regex", WITHOUT], on_exit=actions.Shutdown())
+    play = actions.ExecuteProcess(cmd=[*command, "--exclude-regex", WITHOUT])
+    active = actions.ExecuteProcess(cmd=echo)
+
+    def on_exit(event, context):
+        return None if context.is_shutdown else play if event.action is active else actions.Shutdown()
+
     return LaunchDescription(
         [
             actions.DeclareLaunchArgument("bag", description="Bag to play"),
@@ -32,7 +41,8 @@ def generate_launch_description():
             SetParameter("use_sim_time", True),
             SetParameter("queue_depth", 10_000),
             SetParameter("patience_s", 60.0),  # a pose that is 0.1 s late is 1 s late by its stamp at rate 10
-            actions.RegisterEventHandler(OnStateTransition(goal_state="active", entities=[play])),
             actions.IncludeLaunchDescription(localize, launch_arguments=files.items()),
+            actions.RegisterEventHandler(OnProcessExit(on_exit=on_exit)),
+            active,
         ]
     )

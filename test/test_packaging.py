@@ -59,6 +59,8 @@ def test_a_release_changes_the_version_in_one_place(tmp_path: Path) -> None:
 
 def files_with(text: str) -> set[str]:
     """Files of the repository, but pages and pinned libraries, in which a text stands."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("the source tree is no git checkout")
     command = ["git", "grep", "--files-with-matches", "--word-regexp", "--fixed-strings", text, "--"]
     found = subprocess.run(
         [*command, ".", ":!docs", ":!requirements", ":!CHANGELOG.rst"],
@@ -71,11 +73,11 @@ def files_with(text: str) -> set[str]:
 
 
 def test_the_version_stands_in_one_file() -> None:
-    assert files_with(PACKAGE_XML.findtext("version", "none")) <= {"package.xml"}
+    assert files_with(PACKAGE_XML.findtext("version", "none")) == {"package.xml"}
 
 
 def test_maintainer_and_repository_are_placeholders_in_one_file() -> None:
-    assert files_with("tactile-localizer.invalid") <= {"package.xml", "test/test_packaging.py"}
+    assert files_with("tactile-localizer.invalid") == {"package.xml", "test/test_packaging.py"}
 
 
 def test_rosdep_and_pip_require_the_same_libraries() -> None:

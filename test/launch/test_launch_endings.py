@@ -67,8 +67,11 @@ def test_an_argument_has_its_choices(launch: Launch) -> None:
     assert "process started" not in launched.output
 
 
-def test_a_missing_scan_is_named(launch: Launch, tmp_path: Path) -> None:
-    launched = launch("localize", scan_file=tmp_path / "none_scan")
+@pytest.mark.parametrize(("name", "arguments"), [("localize", {}), ("replay", {"bag": "none"})])
+def test_a_missing_scan_is_named(
+    launch: Launch, tmp_path: Path, name: str, arguments: dict[str, str]
+) -> None:
+    launched = launch(name, scan_file=tmp_path / "none_scan", **arguments)
     launched.wait()
     assert "none_scan: expected a scan folder, found none" in launched.output
     assert "Traceback" not in launched.output
@@ -82,6 +85,16 @@ def test_arguments_override_the_parameter_file(launch: Launch, place: Place) -> 
     launched = launch("localize", params_file=file, scan_file=place.scan_file)
     launched.wait()
     assert "publish_tf: expected a reference_frame" in launched.output
+
+
+@pytest.mark.parametrize("where", [{}, {"namespace": "left"}], ids=["root", "namespace"])
+def test_a_bag_is_played_once_the_filter_is_active(
+    launch: Launch, place: Place, where: dict[str, str]
+) -> None:
+    launched = launch("replay", bag="none", scan_file=place.scan_file, **where)
+    launched.wait(60.0)
+    loading, playing = (launched.output.partition(text)[0] for text in ("pairs of", "ros2 bag play none"))
+    assert len(loading) < len(playing) < len(launched.output), launched.output
 
 
 @pytest.mark.skipif(

@@ -14,6 +14,7 @@ from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.offline.json_file import write_json
+from tactile_localizer.offline.odometry import travelled
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.sim import simulate_recording, simulate_scan
 
@@ -39,6 +40,7 @@ def test_a_track_equals_the_localizers_estimates() -> None:
         np.testing.assert_array_equal(one.covariance, [e.covariance for e in estimates])
         np.testing.assert_array_equal(one.trace, [e.trace for e in estimates])
         np.testing.assert_array_equal(one.stamp_ns, sweep.stamp_ns)
+        np.testing.assert_array_equal(one.travel, travelled(SCENE, sweep.truth))
         assert one.reason == tuple(e.reason for e in estimates)
         assert (one.seconds > 0).all()
 

@@ -43,7 +43,7 @@ def test_a_good_scan_has_no_findings(feature, seed):
 
 def test_dead_channels_are_reported_in_one_line(sound):
     strain = sound.strain.copy()
-    strain[:, [2, 10]] = 0.25
+    strain[:, [2, 10]] = 0.25 + 1e-4 * (np.arange(len(strain)) % 2)[:, None]  # the last bit of a converter
     (finding,) = findings(replace(sound, strain=strain), SCENE, [])
     assert finding == "channels that seem dead, of nearly constant strain: index 3, middle 3"
 
