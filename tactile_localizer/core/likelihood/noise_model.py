@@ -37,6 +37,8 @@ _MOSTLY_FEATURELESS = 0.35
 0.4 to 0.7 on simulated sheets, at most 0.31 on fabrics."""
 BEFORE = 10
 """Innovations at the beginning of a sweep that are left out, where the trend is hardly known."""
+_LONGEST = 4.0
+"""Length at which an innovation is shortened, in median lengths: one absurd strain does not count."""
 _SMOOTHING = 0.002
 """m over which the energy of a deviation is averaged."""
 
@@ -262,11 +264,19 @@ def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, memory:
     product = energy = 0.0
     for own in held_out.slices:
         felt, there = (
-            innovations(each[own], memory, PITCH)[BEFORE:] for each in (strain[held_out.points], expected)
+            _bounded(innovations(each[own], memory, PITCH, robust=True)[BEFORE:])
+            for each in (strain[held_out.points], expected)
         )
         product += float(np.sum(felt * there))
         energy += float(np.sum(there**2))
     return min(max(product / energy, 0.0), 1.0) if energy > 0.0 else 1.0
+
+
+def _bounded(values: np.ndarray) -> np.ndarray:
+    """Vectors (n, C), shortened to :data:`_LONGEST` times their median length."""
+    length = np.linalg.norm(values, axis=1, keepdims=True)
+    longest = _LONGEST * np.median(length) if len(length) else 0.0
+    return np.asarray(values * np.minimum(1.0, longest / np.maximum(length, 1e-300)))
 
 
 def _shrink(strain: np.ndarray, tracks: Tracks, scene: Scene) -> np.ndarray:
