@@ -101,8 +101,10 @@ def bench(
 def test_each_cycle_is_one_message_with_its_receive_time(bench: Callable[..., Bench]) -> None:
     one = bench()
     begin_ns = time.time_ns()
-    numbers = one.send(300)
-    one.until(lambda: len(one.strains) >= 300, "300 strain vectors")
+    numbers = range(one.number, one.number + 300)
+    for _ in range(15):  # fewer at a time than a queue holds: best-effort messages that exceed it are lost
+        one.send(20)
+        one.until(lambda: len(one.strains) >= one.number - numbers.start, "the strain vector of each cycle")
     assert one.numbers() == [{n} for n in numbers]
     assert [list(message.sequence) for message in one.strains] == [[n, n] for n in numbers]
     stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in one.strains]
