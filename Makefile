@@ -78,7 +78,7 @@ docs: build ## Write docs/parameters.md from the nodes
 
 shipped := examples/recordings/engine_bump
 .PHONY: pictures
-pictures: build ## Draw the pictures of the pages (half an hour)
+pictures: build ## Draw the pictures of the pages (seven minutes)
 	$(run) python docs/make/drawings.py
 	$(run) python docs/make/animation.py
 	rm -rf out/pictures

@@ -177,8 +177,7 @@ def test_a_wheel_replays_the_shipped_recording_without_extras(installed: Path, t
         f"import csv {recording}/train.csv.gz --scene {recording}/scene.yaml -o scan",
         f"replay {recording}/test.csv.gz --scan scan --seed 1",
     )
-    assert printed[-1] in ("[0, 0]", "[0, 1]"), printed
-    assert any("localized: " in line for line in printed), "\n".join(printed)
+    assert printed[-1] == "[0, 0]", "\n".join(printed)
 
 
 @pytest.mark.parametrize(
@@ -188,9 +187,11 @@ def test_a_wheel_replays_the_shipped_recording_without_extras(installed: Path, t
         ("joblib", "tradeoff a.csv --scan scan"),
         ("matplotlib", "replay a.csv --scan scan --plot b.png"),
         ("rclpy", "demo"),
+        ("scipy", "replay a.csv --scan scan"),
     ],
 )
 def test_a_missing_library_is_named_in_one_line(library: str, command: str, tmp_path: Path) -> None:
     error, status = run_without([library], ROOT, tmp_path, command)
-    assert error.startswith(f"error: {library}: expected it installed, found none; ")
+    assert error.startswith(f"error: {library}: expected it installed, found: ")
+    assert "pip install" in error or "source ROS 2" in error
     assert status == "[2]"

@@ -45,12 +45,15 @@ _NEEDED = {
 }
 """Libraries that only some commands need, with what to do where they are absent."""
 
+_MAX_REASON = 200
+"""Most characters of the reason why a library cannot be imported; numpy gives a page."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
-    A :class:`TactileLocalizerError` becomes one line on standard error and status 2, and so does a missing
-    library of an extra. An interrupt gives status 130, a closed standard output status 141.
+    A :class:`TactileLocalizerError` becomes one line on standard error and status 2, and so does a library
+    that cannot be imported. An interrupt gives status 130, a closed standard output status 141.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     # With BLAS threads, updates of small matrices take ten times longer on a busy machine.
@@ -64,11 +67,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except TactileLocalizerError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    except ModuleNotFoundError as error:
+    except ImportError as error:
         library = str(error.name).partition(".")[0]
-        if library not in _NEEDED:
-            raise
-        print(f"error: {library}: expected it installed, found none; {_NEEDED[library]}", file=sys.stderr)
+        advice = _NEEDED.get(library, "`pip install .` installs what is needed")
+        reason = " ".join(str(error).split())[:_MAX_REASON]
+        print(f"error: {library}: expected it installed, found: {reason}; {advice}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
