@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_localizer.cli.outputs import require_picture, write_picture
 from tactile_localizer.errors import printable
-from tactile_localizer.io.recording import Recording, scan_of
+from tactile_localizer.io.recording import scan_of
 from tactile_localizer.io.scans.folder import DROPPED, ScanFolder
 from tactile_localizer.offline.scan_quality import findings
 
@@ -37,8 +37,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _info(args: argparse.Namespace) -> int:
     folder = ScanFolder(args.scan)
-    scene, (sweeps, unused) = folder.scene, folder.read()
-    recording = Recording(args.scan, tuple(sweeps))
+    scene, recording = folder.scene, folder.recording()
+    sweeps = recording.sweeps
     found = findings(scan_of(recording, scene), scene, sweeps) if len(recording) else ["no pairs"]
     dropped = len(folder.files(DROPPED)[0])
     axes = ", ".join(f"{axis.name} {axis.lower:g} to {axis.upper:g}" for axis in scene.axes)
@@ -54,8 +54,8 @@ def _info(args: argparse.Namespace) -> int:
     for entry in folder.history():
         details = [f"{key} {value}" for key, value in entry.items() if value and key not in ("at", "what")]
         lines.append(f"  history    {entry['at']} {entry['what']}: {', '.join(details)}")
-    lines.append("findings:" if unused or found else "no findings")
-    for line in (*lines, *(f"  {each}" for each in (*unused, *found))):
+    lines.append("findings:" if recording.notes or found else "no findings")
+    for line in (*lines, *(f"  {each}" for each in (*recording.notes, *found))):
         print(printable(line))
     return 0
 
@@ -66,7 +66,7 @@ def _plot(args: argparse.Namespace) -> int:
     from tactile_localizer.offline.figures.tactile_map import scan_figures
 
     folder = ScanFolder(args.scan)
-    figures = scan_figures(folder.load(), folder.scene, folder.sweeps()[0].strain_unit)
+    figures = scan_figures(folder.load(), folder.scene, folder.recording().sweeps[0].strain_unit)
     for name, figure in figures.items():
         write_picture(args.output / f"{name.replace('/', '_')}.png", figure, args.dpi)
     return 0

@@ -22,12 +22,14 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 from std_msgs.msg import Bool
 from std_srvs.srv import Empty, Trigger
 
 from tactile_localizer.demo.nodes import Nodes, own_domain
 from tactile_localizer.errors import LiveError
-from tactile_localizer.io.bags.writer import BagWriter
+from tactile_localizer.io.bags.reader import typestore
 from tactile_localizer.msg import Posterior, ScanStatus, StrainVectors
 from tactile_localizer.resources import resource_path
 from tactile_localizer.ros.conversions import to_ns
@@ -56,14 +58,14 @@ TOPICS: dict[str, Any] = {
 
 
 class Operator:
-    """A node that records :data:`TOPICS`, and calls services of the others.
+    """A node that receives :data:`TOPICS`, and calls services of the others.
 
     Signals to end raise :class:`KeyboardInterrupt` in :meth:`until` only: elsewhere it would interrupt rclpy,
     or the end of other processes.
 
     Parameters
     ----------
-    bag : where the messages go
+    record : called with the topic of each message, and with the message, serialised in CDR
     check : called often while something is waited for
 
     Attributes
@@ -71,8 +73,8 @@ class Operator:
     newest : newest message by topic, and newest diagnostic status by name
     """
 
-    def __init__(self, bag: BagWriter, check: Callable[[], None]) -> None:
-        self._bag, self._interrupted = bag, threading.Event()
+    def __init__(self, record: Callable[[str, bytes], None], check: Callable[[], None]) -> None:
+        self._record, self._interrupted = record, threading.Event()
         self._handlers = {
             number: signal.signal(number, lambda *_: self._interrupted.set())
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -102,7 +104,7 @@ class Operator:
             signal.signal(number, handler)
 
     def _on_message(self, topic: str, raw: bytes) -> None:
-        self._bag.write(topic, time.time_ns(), raw)
+        self._record(topic, raw)
         message = self.newest[topic] = deserialize_message(raw, TOPICS[topic])
         if topic == "/diagnostics":
             self.newest |= {status.name: status for status in message.status}
@@ -184,20 +186,28 @@ def record_session(
     KeyboardInterrupt
         The process was asked to end.
     """
-    logs, scan = folder / "log", folder / "scan"
+    logs, scan, store = folder / "log", folder / "scan", typestore()
     try:
         for path in (logs, scan, folder / "bag"):
             shutil.rmtree(path, ignore_errors=True)
         logs.mkdir(parents=True)
-    except OSError as error:
-        raise LiveError(f"{folder}: expected a writable folder, {error.strerror}") from None
-    types = {topic: f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}" for topic, kind in TOPICS.items()}
+        writer = Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
+    except (OSError, WriterError) as error:
+        raise LiveError(f"{folder}: expected a writable folder, {error}") from None
+    connections: dict[str, Connection] = {}
+
+    def record(topic: str, raw: bytes) -> None:
+        writer.write(connections[topic], time.time_ns(), raw)
+
     with (
         own_domain() as port,
-        BagWriter(folder / "bag", types) as bag,
+        writer,
         contextlib.closing(Nodes(logs)) as nodes,
-        contextlib.closing(Operator(bag, nodes.check)) as operator,
+        contextlib.closing(Operator(record, nodes.check)) as operator,
     ):
+        for topic, kind in TOPICS.items():
+            name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+            connections[topic] = writer.add_connection(topic, name, typestore=store)
         say("starting simulator, driver and mapping")
         bus = {"interface": "udp_multicast", "channel": "239.74.163.2", "bus_options": [f"port={port}"]}
         nodes.start("simulator", {**bus, "feature": feature, "seed": seed, "speed": speed})

@@ -103,10 +103,10 @@ def message_type(source: StrainSource) -> Any:
     ParameterError
         The type is not installed, or lacks the field.
     """
-    package, _, name = source.kind.split("/")
+    package, _, name = source.kind.partition("/msg/")
     try:
         kind = getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError):
+    except (ImportError, AttributeError, TypeError):
         raise ParameterError(f"type {source.kind}: expected an installed message type, found none") from None
     try:
         reduce(getattr, source.field.split("."), kind())

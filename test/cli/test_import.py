@@ -67,7 +67,7 @@ def test_a_csv_with_standard_columns_is_imported(folder, run):
     assert counts(output) == [(1, 200), (2, 199)]
     assert "line 9: 0.07, 0, " in output[1]
     store = ScanFolder("scans/new/bump_scan")
-    assert [sweep.number for sweep in store.sweeps()] == [0, 1, 2, 3]
+    assert [sweep.number for sweep in store.recording().sweeps] == [0, 1, 2, 3]
     assert store.scene == SCENE
     (entry,) = store.history()
     assert (entry["what"], entry["files"]) == ("import csv", ["train.csv"])
@@ -92,7 +92,7 @@ def test_shipped_scenes_and_namings_are_found_by_name(folder, run):
     naming = "--columns fabric_slide.yaml --column x=timestamp*1e-5"
     assert "2 sweeps, 60 pairs" in run(f"csv 0.csv 1.csv --scene linen.yaml {naming} -o linen_scan")[1]
     store = ScanFolder("linen_scan")
-    assert store.sweeps()[0].strain_unit == "counts"
+    assert store.recording().sweeps[0].strain_unit == "counts"
     np.testing.assert_allclose(store.load().states[:3, 0], [0, 0.00028, 0.00056], atol=1e-12)
     assert store.history()[0]["columns"]["strain_unit"] == "counts"
 

@@ -36,7 +36,7 @@ def test_an_interrupt_lets_what_runs_finish():
         finished.append(True)
 
     before = signal.getsignal(signal.SIGINT)
-    with contextlib.closing(Operator(bag=None, check=lambda: None)) as operator:
+    with contextlib.closing(Operator(lambda *_: None, check=lambda: None)) as operator:
         with pytest.raises(KeyboardInterrupt):
             operator.until(interrupted, "an interrupt")
         assert finished == [True]
@@ -54,7 +54,7 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     assert status == 0, demo.output
     assert [line for line in demo.lines if len(line) > 80 and str(tmp_path) not in line] == []
     assert (folder / "replay.png").stat().st_size > 10_000
-    assert len(ScanFolder(folder / "scan").sweeps()) == 42
+    assert len(ScanFolder(folder / "scan").recording().sweeps) == 42
     logs = {log.stem: log.read_text() for log in (folder / "log").glob("*.log")}
     assert logs.keys() == {"simulator", "driver", "mapping", "filter"}
     assert not any("Traceback" in text for text in logs.values())
@@ -62,6 +62,14 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     bag = read_messages(folder / "bag", wanted)
     assert {"/strain", "/palm_pose", "/simulator/ground_truth", "/mapping/status"} <= set(bag.topics)
     assert max(bag.by_topic["/filter/posterior"]) > 1e-4, "initially uniform"
+
+
+def test_an_output_that_cannot_be_replaced_is_refused(tmp_path, capsys):
+    from tactile_localizer.cli import main
+
+    (tmp_path / "bag").touch()
+    assert main(["demo", "--out", str(tmp_path)]) == 2
+    assert f"{tmp_path}: expected a writable folder, " in capsys.readouterr().err
 
 
 def test_a_dropped_frame_is_no_success(monkeypatch, tmp_path, capsys):

@@ -77,12 +77,11 @@ def test_messages_without_the_values_are_refused(message):
     ("entry", "message"),
     [
         ({"type": ARRAY}, "phalanx index: expected topic, found none"),
-        ({"topic": "a", "type": "Wrench"}, "phalanx index type: expected PACKAGE/msg/NAME"),
+        ({"topic": "a"}, "phalanx index: expected type, found none"),
         (
             {"topic": "a", "type": "geometry_msgs/msg/WrenchStampd"},
             "WrenchStampd' with a field.*did you mean geometry_msgs/msg/WrenchStamped",
         ),
-        ({"topic": "a", "type": ARRAY, "field": "data[0:3]"}, r"index field: .* got 'data\[0:3\]'"),
         ({"topic": "a", "type": ARRAY, "channels": 0}, "channels: expected"),
         ({"topic": "a", "type": ARRAY, "scale": "big"}, "scale: expected"),
         ({"topic": "a", "type": ARRAY, "filter": 3}, "phalanx index: expected one of topic, type"),

@@ -44,6 +44,11 @@ def test_two_arrays_of_taxels_become_two_phalanges(node_process, probe):
     ("entry", "reason"),
     [
         ("topic: a, type: no_such/msg/Skin, field: data", "type no_such/msg/Skin: expected an installed"),
+        (
+            "topic: a, type: Wrench, field: data",
+            "type Wrench: expected an installed message type, found none",
+        ),
+        ("topic: a, type: /msg/Skin, field: data", "type /msg/Skin: expected an installed message type"),
         ("topic: a b, type: geometry_msgs/msg/WrenchStamped", "topic name"),
         (
             "topic: a, type: geometry_msgs/msg/Wrench, field: force.q",

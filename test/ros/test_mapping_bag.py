@@ -18,9 +18,9 @@ def there_and_back(stamp_ms):
 
 
 def contents(path):
-    store = ScanFolder(path)
-    sweeps = [(s.number, len(s), *s.stamp_ns[[0, -1]].tolist(), s.gaps, s.skipped) for s in store.sweeps()]
-    return store.scene, sweeps, store.load(), store.recording()
+    store, found = ScanFolder(path), ScanFolder(path).recording()
+    sweeps = [(s.number, len(s), *s.stamp_ns[[0, -1]].tolist(), s.gaps, s.skipped) for s in found.sweeps]
+    return store.scene, sweeps, store.load(), found
 
 
 def assert_same_scan(live, imported):

@@ -26,7 +26,7 @@ def files(tmp_path):
 
 def load(files):
     store = ScanFolder(files["scan_file"])
-    return store.load(), store.sweeps(), store.recording()
+    return store.load(), store.recording().sweeps
 
 
 def test_poses_are_interpolated_at_the_strain_stamps(node_process, probe, files):
@@ -41,9 +41,9 @@ def test_poses_are_interpolated_at_the_strain_stamps(node_process, probe, files)
     hand.slide(100)
     hand.wait_for_stamp(700)
     assert process.stop() == 0
-    scan, sweeps, recording = load(files)
+    scan, sweeps = load(files)
     strain_ms = np.arange(105, 601, 5)
-    np.testing.assert_array_equal(recording.sweeps[0].stamp_ns, START + strain_ms * MS)
+    np.testing.assert_array_equal(sweeps[0].stamp_ns, START + strain_ms * MS)
     np.testing.assert_allclose(scan.states[:, 0], x_at(strain_ms), atol=1e-12)
     np.testing.assert_allclose(scan.states[:, 1], 0.02)
     np.testing.assert_array_equal(
@@ -101,8 +101,8 @@ def test_strain_stamped_before_the_start_is_ignored(node_process, probe, files, 
     slide_until(-200)
     hand.wait_for_stamp(hand.now_ms)
     assert process.stop() == 0
-    _, _, recording = load(files)
-    assert recording.sweeps[0].stamp_ns[0] > asked_ns
+    _, sweeps = load(files)
+    assert sweeps[0].stamp_ns[0] > asked_ns
 
 
 @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ def test_a_full_disk_is_survived(node_process, probe, files):
     hand.slide(100)
     hand.wait_for_stamp(hand.now_ms)
     assert process.stop() == 0
-    _, sweeps, _ = load(files)
+    _, sweeps = load(files)
     assert sweeps[-1].ending == "ended"
     assert len(sweeps[-1]) > 0
 
@@ -197,7 +197,7 @@ def test_a_killed_recording_continues_with_a_new_sweep(node_process, probe, file
     hand.wait_for_stamp(600)
     probe.until(lambda: hand.statuses[-1].samples >= 110, "pairs")
     reader = ScanFolder(files["scan_file"])
-    probe.until(lambda: sum(map(len, reader.sweeps())) >= 110, "committed pairs", 5.0)
+    probe.until(lambda: len(reader.recording()) >= 110, "committed pairs", 5.0)
     process.stop(signal.SIGKILL)
     stored = len(load(files)[0])
     assert stored >= 110
@@ -210,7 +210,7 @@ def test_a_killed_recording_continues_with_a_new_sweep(node_process, probe, file
     hand.slide(200)
     probe.until(lambda: hand.statuses[-1].samples > stored, "further pairs")
     assert process.stop() == 0
-    _, sweeps, _ = load(files)
+    _, sweeps = load(files)
     assert [sweep.ending for sweep in sweeps] == ["ended early", "ended"]
 
 

@@ -80,12 +80,12 @@ def read_bag(
     if len(wanted | strains) < len(_OTHERS) + len(strains):
         raise ScanError(f"topics: expected different ones, got {', '.join([*names.values(), *strains])}")
     messages = read_messages(path, wanted | strains)
-    found = {name: messages.by_topic.get(topic, []) for name, topic in names.items()}
+    notes, found = messages.notes(), {name: messages.by_topic.get(topic, []) for name, topic in names.items()}
     for name in ("strain", "pose"):
         if not found[name]:
             there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items()))
-            raise ScanError(f"{path}: expected messages of {names[name]}, found {there or 'no topics'}")
-    notes = messages.notes()
+            reasons = "; ".join([there or "no topics", *notes])
+            raise ScanError(f"{path}: expected messages of {names[name]}, found {reasons}")
     stamp_ns, strain, status = map(np.array, zip(*found["strain"], strict=True))
     rows = in_order(stamp_ns, "strain vectors", notes, 0)
     stamp_ns, strain, status = stamp_ns[rows], strain[rows], status[rows]

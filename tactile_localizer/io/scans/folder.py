@@ -61,33 +61,46 @@ class ScanFolder:
             raise ScanError(f"{self.path}: expected a scan folder, found none (with a {SCENE})")
         self.scene = load_scene(self.path / SCENE)
 
-    def sweeps(self) -> list[RecordedSweep]:
-        """The sweeps in the order of their numbers, also one in progress; without those that were dropped.
+    def load(self) -> Scan:
+        """The pairs of all sweeps, in the order of the sweeps; a warning is logged for each unused file.
+
+        Raises
+        ------
+        ScanError
+            As :meth:`recording`, or there are no pairs.
+        """
+        recording = self.recording()
+        for note in recording.notes:
+            _log.warning("%s", note)
+        return scan_of(recording, self.scene)
+
+    def recording(self, scene: Scene | None = None) -> Recording:
+        """The sweeps in the order of their numbers, also one in progress; neither dropped nor empty ones.
+
+        The notes have one line for each file that is not used, or not completely. Such a file is damaged,
+        misnamed, or of another scene or unit than the sweeps before it, or it holds the same pairs as one of
+        them: the map would take the second for a repetition without noise.
+
+        Parameters
+        ----------
+        scene : has some of the scan's axes and phalanges, to which the recording is reduced; ``None``: all
 
         Raises
         ------
         ScanError
             There are files of sweeps, and none can be used.
+        SceneError
+            The scan lacks an axis or a phalanx of ``scene``.
         """
-        return self.read()[0]
-
-    def read(self) -> tuple[list[RecordedSweep], list[str]]:
-        """The :meth:`sweeps`, and one line for each file that is not used, or not completely.
-
-        Such a file is damaged, misnamed, or of another scene or unit than the sweeps before it, or it holds
-        the same pairs as one of them: the map would take the second for a repetition without noise.
-
-        Raises
-        ------
-        ScanError
-            As :meth:`sweeps`.
-        """
+        own, scene = self.scene, scene or self.scene
+        axes, phalanges = scene.columns(own.axis_names), scene.rows(own.phalanx_names)
+        channels = scene.channels(own.phalanx_names, own.layout.counts)
         files, unused = self.files()
         sweeps: list[RecordedSweep] = []
         known: dict[int, int] = {}
         for number, file in files.items():
             try:
-                sweep, damaged = read_sweep(file, number, self.scene)
+                sweep, damaged = read_sweep(file, number, own)
                 require_new(sweep, known, str(file))
                 if sweeps and sweep.strain_unit != (unit := sweeps[0].strain_unit):
                     raise ScanError(f"{file}: expected strain in {unit}, found {sweep.strain_unit}")
@@ -99,50 +112,17 @@ class ScanFolder:
                 unused.append(f"{file}: {damaged} of {len(sweep) + damaged} pairs are damaged and not used")
         if unused and not sweeps:
             raise ScanError(f"{unused[0]}, nor is any other")
-        return sweeps, unused
-
-    def load(self) -> Scan:
-        """The pairs of all sweeps, in the order of the sweeps; a warning is logged for each unused file.
-
-        Raises
-        ------
-        ScanError
-            As :meth:`sweeps`, or there are no pairs.
-        """
-        recording = self.recording()
-        for note in recording.notes:
-            _log.warning("%s", note)
-        return scan_of(recording, self.scene)
-
-    def recording(self, scene: Scene | None = None) -> Recording:
-        """The same pairs as a recording, by sweep and with their stamps; empty sweeps are left out.
-
-        Parameters
-        ----------
-        scene : has some of the scan's axes and phalanges, to which the recording is reduced; ``None``: all
-
-        Raises
-        ------
-        ScanError
-            As :meth:`sweeps`.
-        SceneError
-            The scan lacks an axis or a phalanx of ``scene``.
-        """
-        own, scene = self.scene, scene or self.scene
-        axes, phalanges = scene.columns(own.axis_names), scene.rows(own.phalanx_names)
-        channels = scene.channels(own.phalanx_names, own.layout.counts)
-        found, unused = self.read()
-        sweeps = tuple(
+        reduced = [
             replace(
                 sweep,
                 position=sweep.position[:, axes],
                 strain=sweep.strain[:, channels],
                 status=sweep.status[:, phalanges],
             )
-            for sweep in found
+            for sweep in sweeps
             if len(sweep)
-        )
-        return Recording(str(self.path), sweeps, tuple(unused))
+        ]
+        return Recording(str(self.path), tuple(reduced), tuple(unused))
 
     def history(self) -> list[dict[str, Any]]:
         """The entries of the history, oldest first: ``at`` (ISO 8601, UTC), ``what``, and details."""

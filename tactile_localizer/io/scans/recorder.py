@@ -53,7 +53,7 @@ class SweepRecorder:
         on_change: Callable[[int], None] = lambda stamp_ns: None,
     ) -> None:
         self.store = store
-        known = store.sweeps()
+        known = store.recording().sweeps
         self.sweeps, self.pairs = len(known), sum(map(len, known))
         self.number = store.last_number
         self.gaps = self.skipped = 0

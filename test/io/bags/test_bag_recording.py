@@ -250,6 +250,10 @@ def test_an_adapter_reads_other_messages(tmp_path):
     assert len(read_bag(bag, scene, adapter=adapter)) == len(sweep), "the adapter begins anew"
     with pytest.raises(SceneError, match="expected 8 channels, got 16"):
         read_bag(bag, dataclasses.replace(SCENE, phalanges=SCENE.phalanges[:1]), adapter=adapter)
-    other = adapter_from_dict({"phalanges": {"index": {**entry, "topic": "other"}}})
-    with pytest.raises(ScanError, match="expected messages of /other, found /palm_pose"):
-        read_bag(bag, scene, adapter=other)
+    for wrong, found in (
+        ({"topic": "other"}, "expected messages of /other, found /palm_pose"),
+        ({"field": "data[0:3]"}, r"found .*; skipped 49 of 49 .* expected numbers in field data\[0:3\]"),
+    ):
+        other = adapter_from_dict({"phalanges": {"index": {**entry, **wrong}}})
+        with pytest.raises(ScanError, match=found):
+            read_bag(bag, scene, adapter=other)

@@ -55,7 +55,7 @@ def test_kill_9_at_ten_moments_loses_no_pair_that_was_written(path):
         os.kill(process.pid, signal.SIGKILL)
         process.join()
         ScanWriter(path, SCENE).close()
-        sweeps = ScanFolder(path).sweeps()
+        sweeps = ScanFolder(path).recording().sweeps
         total = sum(map(len, sweeps))
         # 5 more where it was killed between writing and counting.
         assert total - stored - written.value in (0, 5)
@@ -74,14 +74,14 @@ def test_damage_costs_the_damaged_pairs_only(path):
         flipped = bytes([good[at] ^ 1 << int(rng.integers(8))])
         for content in (good[:at] + flipped + good[at + 1 :], good[:at] + good[at + 1 :], good[:at]):
             file.write_bytes(content)
-            sweeps, lines = ScanFolder(path).read()
-            kept = [len(sweep) for sweep in sweeps if sweep.number == 2]
-            assert sum(map(len, sweeps)) == (SWEEPS - 1) * PAIRS + sum(kept)
-            for sweep in sweeps:
+            found = ScanFolder(path).recording()
+            kept = [len(sweep) for sweep in found.sweeps if sweep.number == 2]
+            assert len(found) == (SWEEPS - 1) * PAIRS + sum(kept)
+            for sweep in found.sweeps:
                 np.testing.assert_array_equal(sweep.strain[:, 0], sweep.stamp_ns)
             if len(content) >= len(good) - 1:
                 assert kept[0] >= PAIRS - 1
-                assert kept[0] == PAIRS or "sweep_0002.npy: 1 of 100 pairs are damaged" in lines[0]
+                assert kept[0] == PAIRS or "sweep_0002.npy: 1 of 100 pairs are damaged" in found.notes[0]
             assert file.read_bytes() == content
 
 

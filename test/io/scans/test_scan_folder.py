@@ -47,7 +47,7 @@ def test_a_recorded_scan_reads_back(tmp_path):
         two.end()
         writer.note("test", files=["a.csv"])
     scan = ScanFolder(tmp_path / "new" / "scan")
-    first, second = scan.sweeps()
+    first, second = scan.recording().sweeps
     assert (first.number, len(first), first.gaps, first.skipped, first.ending) == (1, 20, 3, 4, "ended")
     assert (second.number, second.strain_unit, second.ending) == (2, "counts", "ended")
     np.testing.assert_array_equal(first.stamp_ns, np.tile(pairs()[0], 2))
@@ -74,7 +74,7 @@ def test_a_dropped_sweep_is_moved_and_its_number_stays_in_use(tmp_path):
     scan = record(tmp_path / "scan")
     (scan.path / "dropped").mkdir()
     (scan.path / "sweep_0003.npy").rename(scan.path / "dropped" / "sweep_0003.npy")
-    assert [sweep.number for sweep in scan.sweeps()] == [1, 2]
+    assert [sweep.number for sweep in scan.recording().sweeps] == [1, 2]
     with ScanWriter(scan.path, SCENE) as writer:
         assert writer.begin_sweep().number == 4
 
@@ -132,8 +132,9 @@ def test_a_huge_file_is_given_up_soon(tmp_path):
         writer.begin_sweep().append(*pairs(seed=4))
     os.truncate(scan.path / "sweep_0004.npy", 2**27)
     begin = time.process_time()
-    sweeps, (line,) = scan.read()
-    assert [len(sweep) for sweep in sweeps] == [10, 10, 10, 10]
+    found = scan.recording()
+    (line,) = found.notes
+    assert [len(sweep) for sweep in found.sweeps] == [10, 10, 10, 10]
     assert "pairs are damaged and not used" in line
     assert time.process_time() - begin < 20.0
 
@@ -143,8 +144,9 @@ def test_a_file_that_cannot_be_used_is_named_and_the_others_are_used(tmp_path, n
     scan = record(tmp_path / "scan")
     make(scan.path)
     files = sorted(scan.path.iterdir())
-    sweeps, (line,) = scan.read()
-    assert [sweep.number for sweep in sweeps] == [1, 2, 3]
+    found = scan.recording()
+    (line,) = found.notes
+    assert [sweep.number for sweep in found.sweeps] == [1, 2, 3]
     assert line.startswith(f"{scan.path / name}: ")
     assert re.search(rf"{message}.*not used$", line)
     assert "\n" not in line

@@ -44,7 +44,10 @@ def test_unusable_samples_are_skipped_and_counted(tmp_path):
         assert reason in note
     assert "x is -0.1 to 1.1" in notes[1]
     scan = ScanFolder(tmp_path / "bump_scan")
-    assert [(s.number, len(s), s.gaps, s.skipped) for s in scan.sweeps()] == [(3, 1, 4, 4), (7, 3, 0, 2)]
+    assert [(s.number, len(s), s.gaps, s.skipped) for s in scan.recording().sweeps] == [
+        (3, 1, 4, 4),
+        (7, 3, 0, 2),
+    ]
     np.testing.assert_array_equal(scan.load().states[:, 0], [0.5, 0.0, 0.5, 1.0])
     (entry,) = scan.history()
     assert (entry["what"], tuple(entry["notes"])) == ("import", notes)

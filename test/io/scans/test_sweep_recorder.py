@@ -49,7 +49,7 @@ def test_a_sweep_holds_the_samples_between_its_stamps(store):
     recorder.take([pair(5), pair(6)])
     recorder.settle(waiting_ns=None)
     assert recorded(store) == {1: [3, 4, 5]}
-    assert store.sweeps()[0].ending == "ended"
+    assert store.recording().sweeps[0].ending == "ended"
 
 
 def test_waiting_samples_stay_in_their_sweep(store):
@@ -61,7 +61,7 @@ def test_waiting_samples_stay_in_their_sweep(store):
     recorder.take([pair(2), pair(3), pair(4)])
     recorder.close()
     assert recorded(store) == {1: [1, 2, 3], 2: [4]}
-    assert [sweep.ending for sweep in store.sweeps()] == ["ended", "ended"]
+    assert [sweep.ending for sweep in store.recording().sweeps] == ["ended", "ended"]
 
 
 def test_gaps_and_skipped_samples_are_counted(store):
@@ -74,7 +74,10 @@ def test_gaps_and_skipped_samples_are_counted(store):
     recorder.take([pair(5, None), pair(6)])
     recorder.close()
     assert (recorder.gaps, recorder.skipped) == (2, 2)
-    assert [(len(sweep), sweep.gaps, sweep.skipped) for sweep in store.sweeps()] == [(1, 1, 2), (1, 1, 0)]
+    assert [(len(sweep), sweep.gaps, sweep.skipped) for sweep in store.recording().sweeps] == [
+        (1, 1, 2),
+        (1, 1, 0),
+    ]
 
 
 def test_start_and_end_must_alternate(store):
