@@ -68,8 +68,8 @@ _CELL_PHASE = 0.37
 _BUS_NOISE = 5 << 30
 _MOST_UNPUBLISHED = 32
 """Most cycles in the queue of the driver, a tenth of what it holds."""
-_PATIENCE_S = 1.0
-"""Time to wait for strain of a driver that has published some, s."""
+_PATIENCE_S = 5.0
+"""Time to wait for strain of a driver that has published some, s; a busy machine holds it up for 1 s."""
 _POLL_S = 0.001
 _PUNCTUAL = 0.25
 """Most lateness of a pose or a sample, in load cell periods; during more than that the hand stands still."""
@@ -127,16 +127,16 @@ class SimulatorNode(ManagedNode):
             due_s = origin_s + now_s / self._speed
             if self._stop.wait(max(0.0, due_s - time.monotonic())):
                 return
-            late_s = time.monotonic() - due_s
+            late_s, stamp_ns = time.monotonic() - due_s, self.now_ns
             is_late = late_s > _PUNCTUAL * cell_period_s / self._speed
             with self._lock:
                 self._time_s = now_s
                 reading = self._rig.read(now_s)
             if is_late:
-                self._publish(reading, late_s)
+                self._publish(reading, stamp_ns - round(late_s * 1e9))
                 origin_s += late_s
             if is_late or now_s == pose_s:
-                self._publish(reading)
+                self._publish(reading, stamp_ns)
             if now_s == cell_s:
                 self._send(reading)
                 self._wait_for_driver()
@@ -169,8 +169,8 @@ class SimulatorNode(ManagedNode):
         except CanError as error:
             self.get_logger().error(str(error), throttle_duration_sec=1.0)
 
-    def _publish(self, reading: Reading, ago_s: float = 0.0) -> None:
-        self._pose_ns = max(self.now_ns - round(ago_s * 1e9), self._pose_ns + 1)
+    def _publish(self, reading: Reading, stamp_ns: int) -> None:
+        self._pose_ns = max(stamp_ns, self._pose_ns + 1)
         stamp = from_ns(self._pose_ns)
         self._pose.publish(_pose(stamp, self.parameters["frame_id"], reading.odometry))
         if reading.truth is not None:

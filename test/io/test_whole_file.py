@@ -1,5 +1,6 @@
 """Files are written atomically."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -9,13 +10,16 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.whole_file import whole_file
 
 
-def test_a_file_appears_when_complete(tmp_path: Path) -> None:
+def test_a_file_appears_when_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "made" / "a.txt"
+    on_disk: list[tuple[int, bool]] = []
+    monkeypatch.setattr(os, "fsync", lambda file: on_disk.append((os.fstat(file).st_size, path.exists())))
     with whole_file(path) as unfinished:
         unfinished.write_text("all")
         assert not path.exists()
         assert unfinished.suffix == ".txt", "some writers go by it"
     assert path.read_text() == "all"
+    assert on_disk == [(3, False)], "before it has its name"
     assert list(path.parent.iterdir()) == [path]
 
 

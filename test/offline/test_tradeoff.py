@@ -73,7 +73,11 @@ RECORDING = simulate_recording("bump", 1, "test", sweeps=2)
 
 def test_a_candidate_that_fails_costs_its_row_only() -> None:
     absent = Candidate("absent", Configuration(model="no.such.module:Model"))
-    trades, failed = trade(SCAN, BUMP, RECORDING, [absent, *COARSE], CALIBRATION)
+    steps: list[tuple[str, float]] = []
+    measured = [absent, *COARSE]
+    report = lambda *step: steps.append(step)  # noqa: E731
+    trades, failed = trade(SCAN, BUMP, RECORDING, measured, CALIBRATION, progress=report)
+    assert steps == [("replaying", number / 3) for number in (1, 2, 3)]
     assert [one.candidate.name for one in trades] == ["coarse", "particles"]
     assert failed["absent"].startswith("ParameterError: ")
 

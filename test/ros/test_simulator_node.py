@@ -148,7 +148,9 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
     first = len(hand.poses)
     for frozen in (simulator, driver):
         os.kill(frozen.pid, signal.SIGSTOP)
-        time.sleep(0.5)  # in which the hand would send 800 frames, of which the queue of the driver holds 160
+        # The hand would send 640 frames, of which the driver's queue holds 160. A stop of half a period would
+        # divide the cycle that is being sent.
+        time.sleep(0.4)
         os.kill(frozen.pid, signal.SIGCONT)
         received(100)
     assert counted("CAN bus")["queue_drops"] == counted("CAN bus")["frames_late"] == "0"

@@ -136,11 +136,17 @@ def test_sweeps_follow_global_localizations(tmp_path):
 
 
 def test_bag_sweeps_are_detected_in_the_motion(tmp_path):
-    detector = SweepDetector(SCENE.axes)
     there_and_back = moved(slide(0, 2000), lambda ms: 0.01 + 0.03 * abs(1000 - ms) / 1000)
-    sweeps = read_bag(write_bag(tmp_path / "bag", there_and_back), SCENE, detector=detector).sweeps
+    bag, detector = write_bag(tmp_path / "bag", there_and_back), SweepDetector(SCENE.axes)
+    sweeps = read_bag(bag, SCENE, detector=SweepDetector(SCENE.axes)).sweeps
+    (whole,) = read_bag(bag, SCENE).sweeps
+    numbers = np.array(
+        [detector.update(*one) for one in zip(whole.stamp_ns.tolist(), whole.position, strict=True)]
+    )
     assert [sweep.number for sweep in sweeps] == [1, 2]
     assert abs((sweeps[1].stamp_ns[0] - START) // MS - 1000) < 100
+    for sweep in sweeps:
+        np.testing.assert_array_equal(sweep.stamp_ns, whole.stamp_ns[numbers == sweep.number])
 
 
 def test_a_hand_that_rests_or_is_not_seen_makes_no_sweep(tmp_path):

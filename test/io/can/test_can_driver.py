@@ -37,7 +37,7 @@ def test_invalid_datagrams_are_counted(simulated_can: dict[str, Any]) -> None:
             sender._multicast.send(datagram)  # type: ignore[attr-defined]
         for frame in cycle(HAND, 1):
             sender.send(frame)
-        wait_until(lambda: len(cycles) == 2, "both cycles", 5.0)
+        wait_until(lambda: len(cycles) == 2, "both cycles")
     assert driver.status.unreadable + driver.counts.frames[FrameKind.UNKNOWN_ID] == len(datagrams)
     assert (driver.status.state, driver.status.reconnects) == (OPEN, 0)
     assert driver.stop()

@@ -36,7 +36,9 @@ def record(path, sweeps=3, n=10, scene=SCENE):
     return ScanFolder(path)
 
 
-def test_a_recorded_scan_reads_back(tmp_path):
+def test_a_recorded_scan_reads_back(tmp_path, monkeypatch):
+    on_disk = []
+    monkeypatch.setattr(os, "fdatasync", lambda file: on_disk.append(os.fstat(file).st_size))
     with ScanWriter(tmp_path / "new" / "scan", SCENE) as writer:
         one, two = writer.begin_sweep(), writer.begin_sweep()
         two.append(*pairs(seed=3))
@@ -47,6 +49,10 @@ def test_a_recorded_scan_reads_back(tmp_path):
         two.end()
         writer.note("test", files=["a.csv"])
     scan = ScanFolder(tmp_path / "new" / "scan")
+    sizes = [file.stat().st_size for _, file in sorted(scan.files()[0].items())]
+    assert len(on_disk) == 3 + 2, "once for each append and each end"
+    assert on_disk[3:] == sizes
+    assert on_disk[2] - on_disk[1] == 10 * (8 + 8 * 18 + 4), "all that was appended"
     first, second = scan.recording().sweeps
     assert (first.number, len(first), first.gaps, first.skipped, first.ending) == (1, 20, 3, 4, "ended")
     assert (second.number, second.strain_unit, second.ending) == (2, "counts", "ended")
