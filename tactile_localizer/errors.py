@@ -20,12 +20,22 @@ from difflib import get_close_matches
 _MAX_LENGTH = 800
 """Longest message, characters; the middle of a longer one is left out."""
 
+_MAX_LISTED = 20
+"""Most names listed in a message."""
+
 
 def printable(text: str) -> str:
     """``text`` in one line, with line breaks, control characters and lone surrogates escaped."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def listed(names: Iterable[str]) -> str:
+    """Names for a message, cut to a reasonable number and length."""
+    shown = [printable(name.strip()[:40]) for name in names]
+    more = len(shown) - _MAX_LISTED
+    return ", ".join(shown[:_MAX_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -45,10 +45,3 @@ def test_a_scene_gives_channels_per_phalanx():
 def test_invalid_channel_counts_are_rejected(channels):
     with pytest.raises(SceneError, match="phalanx index"):
         scene_from_dict({**SCENE, "phalanges": {"index": {"channels": channels}}})
-
-
-def test_a_scene_finds_its_channels_in_a_longer_strain_vector():
-    scene = scene_from_dict({**SCENE, "phalanges": {"thumb": {"channels": 1}, "index": {"channels": 3}}})
-    names = ("index", "middle", "thumb")
-    np.testing.assert_array_equal(scene.channels(names, MIXED.counts), [11, 0, 1, 2])
-    np.testing.assert_array_equal(scene.rows(names), [2, 0])

@@ -24,12 +24,6 @@ def test_anything_else_is_rejected_in_one_short_line(value):
     assert len(str(refusal.value)) < 120
 
 
-def test_infinity_may_be_allowed():
-    assert number(-math.inf, "bound", finite=False) == -math.inf
-    with pytest.raises(ParameterError):
-        number(math.nan, "bound", finite=False)
-
-
 @pytest.mark.parametrize(
     ("limits", "message"),
     [

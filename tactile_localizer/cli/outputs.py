@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 _PICTURES = (".pdf", ".png", ".svg")
 """Extensions of pictures."""
 
+_DPI = 120
+"""Resolution of pictures."""
+
 
 def require_writable(path: Path) -> None:
     """Require that a file can be written; its folder may be missing.
@@ -54,7 +57,7 @@ def require_picture(path: Path) -> None:
     require_writable(path)
 
 
-def write_picture(path: Path, figure: Figure, dpi: int = 120) -> None:
+def write_picture(path: Path, figure: Figure) -> None:
     """Write a picture that appears only when it is complete, and print its path.
 
     Raises
@@ -63,5 +66,5 @@ def write_picture(path: Path, figure: Figure, dpi: int = 120) -> None:
         The file cannot be written.
     """
     with whole_file(path) as unfinished:
-        figure.savefig(unfinished, dpi=dpi)
+        figure.savefig(unfinished, dpi=_DPI)
     print(path)

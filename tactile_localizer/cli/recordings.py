@@ -1,4 +1,4 @@
-"""Command-line options for recordings, scans and configurations, and the seed."""
+"""Command-line options for recordings and scans, and the seed."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.configuration import FILTERS, MODELS, Configuration
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.bags.sweeps import TOPICS
-from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.csv.columns import ColumnNaming, load_naming, naming_from_dict, naming_from_pairs
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import Recording, is_bag, is_scan, join
@@ -47,37 +45,6 @@ def scan_from_arguments(args: argparse.Namespace) -> tuple[Scan, Scene]:
         note = f"note: {args.scan} was scanned with scene {scanned.name}, and is used with {scene.name}"
         print(note, file=sys.stderr)
     return folder.load(), scene
-
-
-def add_configuration_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare preset, model, filter and number of particles."""
-    parser.add_argument(
-        "--config",
-        metavar="PRESET",
-        help=f"preset ({', '.join(PRESETS)}) or YAML file; the other options override it",
-    )
-    parser.add_argument(
-        "--model",
-        metavar="MODEL",
-        help=f"{', '.join(MODELS)}, or a user-defined model as module:Class",
-    )
-    parser.add_argument("--filter", choices=FILTERS, help="Bayes filter (default: grid, which is exact)")
-    parser.add_argument("--particles", type=int, metavar="N", help="number of particles")
-
-
-def configuration_from_arguments(args: argparse.Namespace) -> Configuration:
-    """The configuration of ``--config`` with the other options applied.
-
-    Raises
-    ------
-    ParameterError
-        An invalid value, or particles for the grid filter.
-    """
-    given = {"model": args.model, "filter": args.filter, "particles": args.particles}
-    configuration = load_configuration(args.config, **given)
-    if args.particles is not None and configuration.filter != "particle":
-        raise ParameterError(f"--particles: expected --filter particle with it, got {configuration.filter}")
-    return configuration
 
 
 def add_csv_arguments(parser: argparse.ArgumentParser) -> None:

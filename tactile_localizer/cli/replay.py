@@ -11,19 +11,19 @@ import numpy as np
 from tactile_localizer.cli.outputs import require_picture, require_writable, write_picture
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
-    add_configuration_arguments,
     add_recording_arguments,
     add_scan_arguments,
     add_seed_argument,
-    configuration_from_arguments,
     odometry_from_arguments,
     scan_from_arguments,
 )
 from tactile_localizer.cli.tables import print_table
+from tactile_localizer.core.configuration import FILTERS, MODELS
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import printable
+from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.recording import Recording, usable
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.offline.axes import MM
@@ -38,7 +38,11 @@ from tactile_localizer.scene import Scene
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
     add_scan_arguments(parser)
-    add_configuration_arguments(parser)
+    text = f"preset ({', '.join(PRESETS)}) or YAML file; the other options override it"
+    parser.add_argument("--config", metavar="PRESET", help=text)
+    text = f"{', '.join(MODELS)}, or a user-defined model as module:Class"
+    parser.add_argument("--model", metavar="MODEL", help=text)
+    parser.add_argument("--filter", choices=FILTERS, help="Bayes filter (default: grid, which is exact)")
     add_seed_argument(parser)
     add_recording_arguments(parser)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary and every estimate")
@@ -52,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     if args.plot is not None:
         require_picture(args.plot)
     scan, scene = scan_from_arguments(args)
-    configuration = configuration_from_arguments(args)
+    configuration = load_configuration(args.config, model=args.model, filter=args.filter)
     recording, odometry = odometry_from_arguments(args, scene, args.recordings)
     with progress_line() as progress:
         calibration = learned_calibration(args.scan, scan, scene, progress)

@@ -24,7 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     plot.set_defaults(work=_plot)
     text = "folder (default out/plot)"
     plot.add_argument("-o", "--output", type=Path, default=Path("out/plot"), metavar="DIR", help=text)
-    plot.add_argument("--dpi", type=int, default=120, help="resolution of the figures (default 120)")
     for action in (info, plot):
         action.add_argument("scan", metavar="SCAN", help="folder of the scan")
 
@@ -68,5 +67,5 @@ def _plot(args: argparse.Namespace) -> int:
     folder = ScanFolder(args.scan)
     figures = scan_figures(folder.load(), folder.scene, folder.recording().sweeps[0].strain_unit)
     for name, figure in figures.items():
-        write_picture(args.output / f"{name.replace('/', '_')}.png", figure, args.dpi)
+        write_picture(args.output / f"{name.replace('/', '_')}.png", figure)
     return 0

@@ -1,7 +1,7 @@
 """Driver node: publishes one ``StrainVectors`` message per cycle of the load cells on a CAN bus.
 
 Publishes ``strain`` (best effort, depth 100), ``~/tare_offset`` (latched) and ``/diagnostics`` at 1 Hz.
-Services: ``~/tare``, ``~/clear_tare`` and ``~/reconnect``.
+Services: ``~/tare`` and ``~/clear_tare``.
 
 Strain is published from the receive thread, to avoid the latency of the executor.
 """
@@ -93,7 +93,6 @@ class DriverNode(ManagedNode):
         group = MutuallyExclusiveCallbackGroup()  # one tare after the other
         self.create_service(Trigger, "~/tare", self._on_tare, callback_group=group)
         self.create_service(Trigger, "~/clear_tare", self._on_clear_tare, callback_group=group)
-        self.create_service(Trigger, "~/reconnect", self._on_reconnect)
 
     def activate(self) -> None:
         """Start reading; the bus is opened as soon as that is possible."""
@@ -145,11 +144,6 @@ class DriverNode(ManagedNode):
         response.success = True
         response.message = f"offset of up to {np.abs(driver.offset).max():.4g} V, stored in {self._tare_file}"
         self.get_logger().info(f"Tare: {response.message}")
-        return response
-
-    def _on_reconnect(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._active_driver().reconnect()
-        response.success, response.message = True, "reopening the bus"
         return response
 
     def _active_driver(self) -> LoadCellDriver:

@@ -14,7 +14,6 @@ SCENE = Scene(
     (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.01)),
     (Phalanx("index", (0.0, 0.01)), Phalanx("middle", (0.0, -0.01))),
 )
-MARKUP = "[/bold] [red]:smile: $x_{"
 
 
 def record(path, scene=SCENE, unit="V"):
@@ -56,17 +55,11 @@ def test_info_prints_totals_history_and_findings(scan, capsys):
         assert text in output
 
 
-def test_names_are_printed_literally(tmp_path, monkeypatch, capsys):
+def test_names_are_drawn_literally(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     finger = "[/index] $\\frac"
-    record(
-        tmp_path / "[red]:smile:", Scene(MARKUP, SCENE.axes, (Phalanx(finger, (0.0, 0.01)),)), unit="$[/V]"
-    )
-    assert main(["scan", "info", "[red]:smile:"]) == 0
-    output = capsys.readouterr().out
-    assert f"[red]:smile:: 505 pairs in 5 sweeps (0 dropped)\n  scene      {MARKUP}: x" in output
-    assert f"{finger} (8 channels), strain in $[/V]" in output
-    assert main(["scan", "plot", "[red]:smile:", "-o", "out", "--dpi", "30"]) == 0
+    record(tmp_path / "scan", Scene("$x_{", SCENE.axes, (Phalanx(finger, (0.0, 0.01)),)), unit="$[/V]")
+    assert main(["scan", "plot", "scan", "-o", "out"]) == 0
     assert (tmp_path / "out" / "map_[_index] $\\frac.png").read_bytes().startswith(b"\x89PNG")
     assert capsys.readouterr().out == "out/map.png\nout/map_[_index] $\\frac.png\n"
 

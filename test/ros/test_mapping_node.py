@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from support.bags import MS, SCENE, START, x_at
+from support.bags import MS, SCENE
 from support.hand import DEEP_QUEUE, Hand
 from support.sweeps import stamp_of
 
@@ -27,30 +27,6 @@ def files(tmp_path):
 def load(files):
     store = ScanFolder(files["scan_file"])
     return store.load(), store.recording().sweeps
-
-
-def test_poses_are_interpolated_at_the_strain_stamps(node_process, probe, files):
-    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
-    hand = Hand(probe)
-    hand.slide(100)
-    hand.wait_for_stamp(100)
-    assert hand.service("start_sweep").success
-    hand.slide(500)
-    hand.wait_for_stamp(600)
-    assert hand.service("end_sweep").success
-    hand.slide(100)
-    hand.wait_for_stamp(700)
-    assert process.stop() == 0
-    scan, sweeps = load(files)
-    strain_ms = np.arange(105, 601, 5)
-    np.testing.assert_array_equal(sweeps[0].stamp_ns, START + strain_ms * MS)
-    np.testing.assert_allclose(scan.states[:, 0], x_at(strain_ms), atol=1e-12)
-    np.testing.assert_allclose(scan.states[:, 1], 0.02)
-    np.testing.assert_array_equal(
-        scan.strain[:, 0], strain_ms + 8000, err_msg="index is the second phalanx sent"
-    )
-    np.testing.assert_array_equal(scan.strain[:, 8], strain_ms, err_msg="middle is the first phalanx sent")
-    assert [(s.ending, s.gaps, s.skipped) for s in sweeps] == [("ended", 0, 0)]
 
 
 def test_the_status_describes_the_scan(node_process, probe, files):

@@ -35,12 +35,6 @@ def test_phalanges_of_the_scene_are_selected():
     assert status.tolist() == [2, 0]
 
 
-def test_messages_without_channel_counts_have_eight_each():
-    eight = Scene("eight", AXES, (Phalanx("middle", (0.0,)),))
-    strain, _ = reader(eight).read(message(24, channels=()))
-    np.testing.assert_array_equal(strain, np.arange(8.0, 16.0))
-
-
 def test_a_change_of_channels_is_followed():
     own = reader()
     own.read(message())

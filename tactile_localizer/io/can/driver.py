@@ -67,7 +67,7 @@ class BusStatus:
     controller : last known state of the CAN controller (:mod:`~tactile_localizer.io.can.error_frames`)
     error : reason of the last failure; empty before the first
     error_s : system time of the last failure, s
-    reconnects : number of times that the bus was open again after a failure or a request
+    reconnects : number of times that the bus was open again after a failure
     unreadable : number of messages of the interface that were not frames
     errors : number of errors by kind that error frames reported
     queue : kernel's receive queue
@@ -133,7 +133,6 @@ class LoadCellDriver:
         self._on_cycle, self._log, self._note = on_cycle, log, note
         self._at_rest: list[Cycle] | None = None  # cycles during a tare
         self._stop = threading.Event()
-        self._wake = threading.Event()  # the thread shall stop, or reopen the bus
         self._thread: threading.Thread | None = None
         self._drops_before = 0  # of earlier buses
         self._next_poll_s = 0.0
@@ -154,7 +153,6 @@ class LoadCellDriver:
         except AbsentBusError:
             bus = None
         self._stop.clear()
-        self._wake.clear()
         self._thread = threading.Thread(target=self._run, args=(bus,), name="can-reader", daemon=True)
         self._thread.start()
 
@@ -163,13 +161,8 @@ class LoadCellDriver:
         if self._thread is None:
             return True
         self._stop.set()
-        self._wake.set()
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
-
-    def reconnect(self) -> None:
-        """Close and reopen the bus without delay."""
-        self._wake.set()
 
     def tare(self, duration_s: float, spread_limit: float) -> np.ndarray:
         """Average the strain for ``duration_s``, and subtract it from now on; returns the offset (C,), V.
@@ -206,15 +199,14 @@ class LoadCellDriver:
                     continue
             self._close(bus)
             bus = None
-            self._wake.wait(RETRY_S)
-            self._wake.clear()
+            self._stop.wait(RETRY_S)
         self._close(bus)
         self.status.state = CLOSED
 
     def _read(self, bus: can.BusABC) -> None:
         self._next_poll_s = 0.0
         wait_s = 0.0
-        while not self._wake.is_set():
+        while not self._stop.is_set():
             messages = self._collect(bus, min(wait_s, LONGEST_WAIT_S))  # fails if the interface is down
             if time.monotonic() >= self._next_poll_s or (messages and self.status.state != OPEN):
                 self._poll(bus)  # frames also wait in the queue of an interface that is down

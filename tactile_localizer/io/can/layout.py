@@ -16,7 +16,7 @@ from can.util import dlc2len, len2dlc
 from cantools.database.can import Database, Message, Signal
 
 from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
-from tactile_localizer.errors import CanError
+from tactile_localizer.errors import CanError, listed
 
 # cantools logs errors that are raised below as one line.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
@@ -126,12 +126,12 @@ def phalanx_messages(
         if not names:
             raise CanError(
                 f"phalanx {phalanx!r}: expected a message {phalanx} or {phalanx}_a, {phalanx}_b, ... in the "
-                f"DBC, or a list of its messages, found {_some(by_name)}"
+                f"DBC, or a list of its messages, found {listed(by_name) or 'no messages'}"
             )
         for name in names:
             if name not in by_name:
                 raise CanError(
-                    f"phalanx {phalanx!r}: message {name!r} is not in the DBC, which has {_some(by_name)}"
+                    f"phalanx {phalanx!r}: message {name!r} is not in the DBC, which has {listed(by_name)}"
                 )
             if name in found:
                 raise CanError(
@@ -232,8 +232,3 @@ def range_of(signal: Signal) -> tuple[float, float]:
     lowest = ends[0] if signal.minimum is None else max(ends[0], signal.minimum)
     highest = ends[1] if signal.maximum is None else min(ends[1], signal.maximum)
     return lowest * volts, highest * volts
-
-
-def _some(names: Mapping[str, object]) -> str:
-    shown = list(names)[:8]
-    return ", ".join(shown) + (", ..." if len(names) > len(shown) else "") if shown else "no messages"

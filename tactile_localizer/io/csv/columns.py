@@ -16,21 +16,19 @@ each sweep on. Quantities without an entry have their standard names: ``stamp_s`
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.errors import ParameterError, ScanError, printable
+from tactile_localizer.errors import ParameterError, ScanError, listed
 from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.scene import AXIS_NAMES, MOST_CHANNELS, Scene
 
 _RANGE = re.compile(r"(.*?)([0-9]{1,9})\.\.([0-9]{1,9})")
 _GENERAL = ("stamp_s", "pose_stamp_s", "sweep")
-_MAX_LISTED_NAMES = 20
-"""Most column names listed in a message."""
 
 
 @dataclass(frozen=True)
@@ -132,13 +130,6 @@ def phalanges_in(header: Sequence[str], naming: ColumnNaming) -> dict[str, int]:
             numbers = range(1, MOST_CHANNELS + 1)
             counts[phalanx] = next((n for n in numbers if f"{phalanx}_{n + 1}" not in names), MOST_CHANNELS)
     return counts
-
-
-def listed(names: Iterable[str]) -> str:
-    """Column names or cells for a message, cut to a reasonable number and length."""
-    shown = [printable(name.strip()[:40]) for name in names]
-    more = len(shown) - _MAX_LISTED_NAMES
-    return ", ".join(shown[:_MAX_LISTED_NAMES]) + (f" and {more} more" if more > 0 else "")
 
 
 def channel_names(phalanx: str, channels: int) -> tuple[str, ...]:

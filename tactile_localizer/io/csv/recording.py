@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S, interpolate_poses, near_bounds
-from tactile_localizer.errors import ScanError
-from tactile_localizer.io.csv.columns import ColumnNaming, Columns, listed, missing_column, phalanges_in
+from tactile_localizer.errors import ScanError, listed
+from tactile_localizer.io.csv.columns import ColumnNaming, Columns, missing_column, phalanges_in
 from tactile_localizer.io.recording import RecordedSweep, Recording, in_order, join, missing_status
 from tactile_localizer.io.whole_file import open_file
 from tactile_localizer.scene import Scene
