@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     Raises
     ------
     LiveError
-        A node failed, or the driver missed a frame.
+        A node failed, or a frame or a strain vector was lost.
     """
     from tactile_localizer.demo.session import record_session
 
@@ -46,10 +46,10 @@ def run(args: argparse.Namespace) -> int:
     def say(text: str) -> None:
         print(f"{time.monotonic() - begun_s:5.1f} s  {text}"[:_WIDTH], flush=True)
 
-    dropped = record_session(args.feature, args.out, args.seed, args.speed, args.sweeps, say)
+    lost = record_session(args.feature, args.out, args.seed, args.speed, args.sweeps, say)
     replay = ["replay", f"{args.out}/bag", "--scan", f"{args.out}/scan", "--plot", f"{args.out}/replay.png"]
     print(f"\n$ tactile-localizer {shlex.join(replay[:4])} \\\n    {shlex.join(replay[4:])}", flush=True)
     status = main(replay)
-    if dropped:
-        raise LiveError(f"driver: expected every frame, {dropped} were dropped; the machine is too busy")
+    if lost:
+        raise LiveError(f"expected every frame in the bag, {lost} were lost; the machine is too busy")
     return status

@@ -7,7 +7,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from rosbags.interfaces import Connection
@@ -41,9 +40,14 @@ SCAN_SWEEPS = 2 * TRAINING_SWEEPS
 _TIMEOUT_S = 120.0
 """Time limit for each step: a start, a sweep, the loading of the scan, s."""
 _POLL_S = 0.02
+_LATE_S = 0.1
+"""Age on receipt of a message, s, from which the hand is slowed down."""
+_SLOWER = 4.0
+"""By how much."""
 _DEPTH = 10_000
 """Depth of the queues: on a busy machine the recording may lag by seconds."""
-_STRAIN = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+_RELIABLE = "qos_overrides./strain.{}.reliability"
+"""Parameter of the reliability of strain, which is best effort by default: a busy machine loses some."""
 
 TOPICS: dict[str, Any] = {
     "/strain": StrainVectors,
@@ -65,15 +69,20 @@ class Operator:
 
     Parameters
     ----------
-    record : called with the topic of each message, and with the message, serialised in CDR
+    record : called with the topic of each message, the message, serialised in CDR, and the time, ns, at which
+        it was sent: on a busy machine it is received later, when the hand is elsewhere
     check : called often while something is waited for
+    speed : of the simulated hand, while no message is late
 
     Attributes
     ----------
     newest : newest message by topic, and newest diagnostic status by name
+    lost : number of strain vectors lost in transport
     """
 
-    def __init__(self, record: Callable[[str, bytes], None], check: Callable[[], None]) -> None:
+    def __init__(
+        self, record: Callable[[str, bytes, int], None], check: Callable[[], None], speed: float = 1.0
+    ) -> None:
         self._record, self._interrupted = record, threading.Event()
         self._handlers = {
             number: signal.signal(number, lambda *_: self._interrupted.set())
@@ -89,11 +98,15 @@ class Operator:
         )
         self._executor.add_node(self._node)
         self._node.create_timer(_POLL_S, check)
+        self._node.create_timer(_POLL_S, self._pace)
+        self._speed, self._is_slow = speed, False
+        self._set_speed = self._node.create_client(SetParameters, "simulator/set_parameters")
+        self._late_s: dict[str, float] = {}
+        self._sequence, self.lost = 0, 0
         silent = SubscriptionEventCallbacks(use_default_callbacks=False)
         for topic, kind in TOPICS.items():
-            quality = _STRAIN if kind is StrainVectors else _DEPTH
             receive = partial(self._on_message, topic)
-            self._node.create_subscription(kind, topic, receive, quality, event_callbacks=silent, raw=True)
+            self._node.create_subscription(kind, topic, receive, _DEPTH, event_callbacks=silent, raw=True)
 
     def close(self) -> None:
         """Leave the ROS graph."""
@@ -103,11 +116,23 @@ class Operator:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
 
-    def _on_message(self, topic: str, raw: bytes) -> None:
-        self._record(topic, raw)
+    def _on_message(self, topic: str, raw: bytes, info: Mapping[str, int]) -> None:
+        self._record(topic, raw, info["source_timestamp"])
         message = self.newest[topic] = deserialize_message(raw, TOPICS[topic])
         if topic == "/diagnostics":
             self.newest |= {status.name: status for status in message.status}
+        if topic in ("/strain", "/filter/posterior"):
+            self._late_s[topic] = 1e-9 * (time.time_ns() - to_ns(message.header.stamp))
+        if topic == "/strain":
+            self.lost += max(message.sequence[0] - self._sequence - 1, 0) if self._sequence else 0
+            self._sequence = message.sequence[0]
+
+    def _pace(self) -> None:
+        """Slow the simulated hand down while the nodes or the recording are late, before a queue is full."""
+        is_slow = max(self._late_s.values(), default=0.0) > _LATE_S
+        if is_slow != self._is_slow and self._set_speed.service_is_ready():
+            self._is_slow = is_slow
+            self._set_speed.call_async(_request(speed=self._speed / _SLOWER if is_slow else self._speed))
 
     def until(self, condition: Callable[[], Any], what: str) -> None:
         """Receive messages until ``condition`` is true.
@@ -166,7 +191,7 @@ class Operator:
 def record_session(
     feature: str, folder: Path, seed: int, speed: float, sweeps: int, say: Callable[[str], None]
 ) -> int:
-    """Scan a simulated feature and localize on the scan, with all nodes; returns the frames dropped.
+    """Scan a simulated feature and localize on the scan, with all nodes; returns how many frames were lost.
 
     Writes ``scan``, ``bag`` and ``log`` in place of earlier ones.
 
@@ -196,14 +221,14 @@ def record_session(
         raise LiveError(f"{folder}: expected a writable folder, {error}") from None
     connections: dict[str, Connection] = {}
 
-    def record(topic: str, raw: bytes) -> None:
-        writer.write(connections[topic], time.time_ns(), raw)
+    def record(topic: str, raw: bytes, sent_ns: int) -> None:
+        writer.write(connections[topic], sent_ns, raw)
 
     with (
         own_domain() as port,
         writer,
         contextlib.closing(Nodes(logs)) as nodes,
-        contextlib.closing(Operator(record, nodes.check)) as operator,
+        contextlib.closing(Operator(record, nodes.check, speed)) as operator,
     ):
         for topic, kind in TOPICS.items():
             name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
@@ -212,10 +237,10 @@ def record_session(
         bus = {"interface": "udp_multicast", "channel": "239.74.163.2", "bus_options": [f"port={port}"]}
         nodes.start("simulator", {**bus, "feature": feature, "seed": seed, "speed": speed})
         late = {"period_s": 1.0, "max_age_s": 60.0}  # frames of a busy machine are late, none is lost
-        nodes.start("driver", {**bus, **late, "tare_file": logs / "tare.yaml"})
-        nodes.start(
-            "mapping", {"scan_file": scan, "scene_file": resource_path(f"config/scenes/{feature}.yaml")}
-        )
+        sent = {_RELIABLE.format("publisher"): "reliable", "qos_overrides./strain.publisher.depth": _DEPTH}
+        nodes.start("driver", {**bus, **late, **sent, "tare_file": logs / "tare.yaml"})
+        received = {_RELIABLE.format("subscription"): "reliable", "queue_depth": _DEPTH, "scan_file": scan}
+        nodes.start("mapping", {**received, "scene_file": resource_path(f"config/scenes/{feature}.yaml")})
         operator.until(lambda: operator.newest["/strain"].strain, "strain")
         operator.until(lambda: int(operator.values("mapping: scan")["poses"]), "poses in the mapping")
         say(f"scanning: {SCAN_SWEEPS} sweeps, two along each line")
@@ -225,14 +250,20 @@ def record_session(
             operator.sweep()
             operator.call(Trigger, "mapping/end_sweep")
         say("loading the scan")
-        nodes.start("filter", {"scan_file": scan})
+        nodes.start("filter", received)
         operator.estimate()
-        mode = rclpy.Parameter("mode", value="localize").to_parameter_msg()
-        operator.call(SetParameters, "simulator/set_parameters", SetParameters.Request(parameters=[mode]))
+        operator.call(SetParameters, "simulator/set_parameters", _request(mode="localize"))
         for number in range(1, sweeps + 1):
             operator.call(Trigger, "simulator/prepare")
             operator.estimate()  # a filter that lags would count the motion to the start as part of the sweep
             operator.call(Empty, "filter/reinitialize_global_localization")
             operator.sweep()
             say(f"sweep {number:2}: {operator.estimate().reason}")
-        return sum(int(operator.values(f"driver: {name}")["drops"]) for name in ("index", "middle"))
+        drops = (int(operator.values(f"driver: {name}")["drops"]) for name in ("index", "middle"))
+        return sum(drops) + operator.lost
+
+
+def _request(**values: Any) -> SetParameters.Request:
+    """Request to set parameters of a node."""
+    messages = [rclpy.Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+    return SetParameters.Request(parameters=messages)

@@ -48,7 +48,9 @@ PARAMETERS = (
         choices=tuple(MODES),
         live=True,
     ),
-    Parameter("speed", 1.0, "Simulated seconds per second of real time; scales all rates", "", 0.01, 100.0),
+    Parameter(
+        "speed", 1.0, "Simulated seconds per real second; scales all rates", "", 0.01, 100.0, live=True
+    ),
     Parameter("pose_rate_hz", 100.0, "Rate of the palm poses, in simulated time", "Hz", 0.1, 1000.0),
     Parameter("load_cell_rate_hz", RATE_HZ, "Rate of the load cells, in simulated time", "Hz", 0.1, 2000.0),
     Parameter("frame_id", "base_link", "Frame of the palm poses"),
@@ -86,7 +88,6 @@ class SimulatorNode(ManagedNode):
     def configure(self) -> None:
         """Create the rig, publishers and services, and open the bus."""
         parameters, seed = self.parameters, self.parameters["seed"]
-        self._speed = parameters["speed"]
         self._time_s = 0.0  # simulated; stands still while the node is inactive
         self._rig = Rig(parameters["feature"], seed, SPEED_MPS, parameters["load_cell_rate_hz"])
         protocol = LoadCellProtocol(given_or_shipped(parameters["dbc"], "config"), PHALANGES)
@@ -120,21 +121,20 @@ class SimulatorNode(ManagedNode):
         pose_period_s = 1 / self.parameters["pose_rate_hz"]
         cell_period_s = 1 / self.parameters["load_cell_rate_hz"]
         pose_s, cell_s = self._time_s, self._time_s + _CELL_PHASE * cell_period_s
-        origin_s = time.monotonic() - self._time_s / self._speed
-        active = None
+        due_s, active = time.monotonic(), None
         while True:
-            now_s = min(pose_s, cell_s)
-            due_s = origin_s + now_s / self._speed
+            now_s, speed = min(pose_s, cell_s), self.parameters["speed"]
+            due_s += (now_s - self._time_s) / speed
             if self._stop.wait(max(0.0, due_s - time.monotonic())):
                 return
             late_s, stamp_ns = time.monotonic() - due_s, self.now_ns
-            is_late = late_s > _PUNCTUAL * cell_period_s / self._speed
+            is_late = late_s > _PUNCTUAL * cell_period_s / speed
             with self._lock:
                 self._time_s = now_s
                 reading = self._rig.read(now_s)
             if is_late:
                 self._publish(reading, stamp_ns - round(late_s * 1e9))
-                origin_s += late_s
+                due_s += late_s
             if is_late or now_s == pose_s:
                 self._publish(reading, stamp_ns)
             if now_s == cell_s:
@@ -189,7 +189,7 @@ class SimulatorNode(ManagedNode):
 
     def _wait_until_ready(self) -> None:
         while (left_s := self._rig.ready_s - self._time_s) > 0:
-            if self._stop.wait(left_s / self._speed):
+            if self._stop.wait(left_s / self.parameters["speed"]):
                 return
 
     async def _on_sweep(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
