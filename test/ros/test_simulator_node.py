@@ -164,14 +164,16 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
     assert np.max(moved[paused]) == 0.0, "a hand that waits does not move"
 
 
-def test_a_sweep_is_prepared_and_excludes_another(start, hand, probe):
-    start(speed=0.5)
+def test_a_sweep_is_prepared_excludes_another_and_can_be_made_faster(start, hand, probe):
+    start(speed=0.1)  # a sweep of more than a minute
     assert hand.call("sweep").success
     probe.until(lambda: hand.active and hand.active[-1].data, "the sweep's start")
     for service in ("prepare", "sweep"):
         answer = hand.call(service)
         assert not answer.success
         assert "sweeping" in answer.message
+    assert probe.set_parameter("simulator", "speed", 20.0).successful
+    probe.until(lambda: not hand.active[-1].data, "the sweep's end")
 
 
 @pytest.mark.parametrize(
