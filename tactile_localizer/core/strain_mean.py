@@ -38,7 +38,7 @@ class StrainMean:
         if not self._begun:
             self._begun, self._last, self._updated_at, self._mean_at = True, position, position, position
         far = self._count and self._motion.travel(self._motion.displacement(self._first, position)) > _LONGEST
-        if not self._count or far or not np.array_equal(present, self._present):
+        if not self._count or far or (present != self._present).any():
             self._count, self._present, self._first = 0, present, position
             self._sum, self._moved = np.zeros_like(strain), np.zeros_like(position)
         step = self._motion.travel(self._motion.displacement(self._last, position))

@@ -137,8 +137,9 @@ class OnlineLocalizer:
             return None
         strain, status = pair.measurement
         present = usable(status)
-        names = self.localizer.scene.phalanx_names
-        counts.update(f"without {phalanx}" for phalanx, ok in zip(names, present, strict=True) if not ok)
+        if not present.all():
+            names = self.localizer.scene.phalanx_names
+            counts.update(f"without {phalanx}" for phalanx, ok in zip(names, present, strict=True) if not ok)
         if pair.position is None:
             counts["without a pose"] += 1
             self.last_error = f"no palm pose within {self._max_gap_s:g} s of the strain"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -42,11 +43,11 @@ class PalmFrame:
         self.material_frame = material_frame
         self.dimension = len(axes)
         self._names = tuple(axis.name for axis in axes)
-        identity = (np.eye(3), np.zeros(3))
-        self._from = {material_frame: identity}
+        self._from = {material_frame: (np.eye(3).tolist(), [0.0] * 3)}
         if reference_frame and reference_frame != material_frame:
             rotation = Rotation.from_euler("xyz", material_pose[3:]).as_matrix().T
-            self._from[reference_frame] = (rotation, -rotation @ np.asarray(material_pose[:3]))
+            offset = -rotation @ np.asarray(material_pose[:3])
+            self._from[reference_frame] = (rotation.tolist(), offset.tolist())
 
     def position(self, frame: str, translation: Sequence[float], quaternion: Sequence[float]) -> np.ndarray:
         """The palm's position on the axes, (d,), m (yaw: rad).
@@ -62,10 +63,10 @@ class PalmFrame:
         MeasurementError
             The frame is unknown, or the pose is not finite.
         """
-        position: np.ndarray = self.positions(frame, np.array([translation]), np.array([quaternion]))[0]
-        if not np.isfinite(position).all():
+        position = self._on_axes(frame, *translation, *quaternion)
+        if not all(map(math.isfinite, position)):
             raise MeasurementError(f"palm pose: expected finite {', '.join(self._names)}, got {position}")
-        return position
+        return np.array(position)
 
     def positions(self, frame: str, translations: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
         """Positions (n, d) of poses (n, 3) and (n, 4), as :meth:`position`; not finite where a pose is not.
@@ -75,22 +76,28 @@ class PalmFrame:
         MeasurementError
             The frame is unknown.
         """
+        with np.errstate(over="ignore", invalid="ignore"):  # the caller handles non-finite values
+            return np.stack(self._on_axes(frame, *translations.T, *quaternions.T), axis=1)
+
+    def _on_axes(self, frame: str, x: Any, y: Any, z: Any, *quaternion: Any) -> list[Any]:
+        """Values on each axis, of one pose or of an array of poses."""
         if frame not in self._from:
             known = " or ".join(repr(name) for name in self._from)
             raise MeasurementError(f"palm pose frame {frame!r}: expected {known}")
-        rotation, offset = self._from[frame]
-        with np.errstate(over="ignore", invalid="ignore"):  # the caller handles non-finite values
-            places = translations @ rotation.T + offset
-            values = {"x": places[:, 0], "y": places[:, 1]}
-            if "yaw" in self._names:
-                values["yaw"] = _yaw(rotation, quaternions)
-        return np.stack([values[name] for name in self._names], axis=1)
+        rows, offset = self._from[frame]
+        values = {
+            name: row[0] * x + row[1] * y + row[2] * z + start
+            for name, row, start in zip("xy", rows, offset, strict=False)
+        }
+        if "yaw" in self._names:
+            values["yaw"] = _yaw(rows, *quaternion)
+        return [values[name] for name in self._names]
 
 
-def _yaw(rotation: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+def _yaw(rows: list[list[float]], x: Any, y: Any, z: Any, w: Any) -> Any:
     """Heading of the palm's x axis in the material's x-y plane; NaN for a quaternion of length zero."""
-    x, y, z, w = quaternions.T
     # The palm's x axis in the given frame, times the quaternion's squared length.
-    axis = np.stack([w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
-    heading = axis @ rotation.T
-    return np.where(quaternions.any(axis=1), np.arctan2(heading[:, 1], heading[:, 0]), math.nan)
+    along, across, up = w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)
+    heading = [row[0] * along + row[1] * across + row[2] * up for row in rows]
+    is_zero = (x == 0) & (y == 0) & (z == 0) & (w == 0)
+    return np.where(is_zero, math.nan, np.arctan2(heading[1], heading[0]))

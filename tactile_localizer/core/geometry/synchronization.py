@@ -30,12 +30,12 @@ DEFAULT_PATIENCE_S = 1.0
 
 
 def near_bounds(axes: tuple[Axis, ...], positions: np.ndarray) -> np.ndarray:
-    """Positions (n, d), m (yaw: rad), with yaw within half a turn of the middle of its bounds."""
+    """Positions (..., d), m (yaw: rad), with yaw within half a turn of the middle of its bounds."""
     for column, axis in enumerate(axes):
         if axis.name == "yaw":
             middle = (axis.lower + axis.upper) / 2
             positions = positions.copy()
-            positions[:, column] = middle + wrap_angle(positions[:, column] - middle)
+            positions[..., column] = middle + wrap_angle(positions[..., column] - middle)
     return positions
 
 
@@ -74,12 +74,19 @@ def interpolate_poses(
     span = pose_ns[after] - pose_ns[before]
     found = inside & (span <= round(max_gap_s * NANOSECONDS))
     fraction = ((stamp_ns - pose_ns[before]) / np.maximum(span, 1))[:, None]
-    step = poses[after] - poses[before]
+    positions[found] = _between(axes, poses[before], poses[after], fraction)[found]
+    return positions, found
+
+
+def _between(
+    axes: tuple[Axis, ...], before: np.ndarray, after: np.ndarray, fraction: np.ndarray | float
+) -> np.ndarray:
+    """Positions (..., d) at a fraction of the way from one to another, yaw along the shortest arc."""
+    step = after - before
     for column, axis in enumerate(axes):
         if axis.name == "yaw":
-            step[:, column] = wrap_angle(step[:, column])
-    positions[found] = near_bounds(axes, poses[before] + fraction * step)[found]
-    return positions, found
+            step[..., column] = wrap_angle(step[..., column])
+    return near_bounds(axes, before + fraction * step)
 
 
 @dataclass(frozen=True)
@@ -129,10 +136,10 @@ class Pairing(Generic[T]):
         self.resets = 0
         self.forward_jumps = 0
         self._axes = axes
-        self._max_gap_s = max_gap_s
+        self._max_gap_ns = round(max_gap_s * NANOSECONDS)
         self._patience_ns = round(patience_s * NANOSECONDS)
         # Poses are kept for as long as a strain vector that needs them may wait.
-        self._length_ns = round((2 * patience_s + max_gap_s) * NANOSECONDS)
+        self._length_ns = 2 * self._patience_ns + self._max_gap_ns
         self._pose_ns: list[int] = []
         self._poses: list[np.ndarray] = []
         self._waiting: deque[tuple[int, T]] = deque()
@@ -215,13 +222,15 @@ class Pairing(Generic[T]):
         return pairs
 
     def _position(self, stamp_ns: int) -> np.ndarray | None:
-        after = bisect_left(self._pose_ns, stamp_ns)
-        near = slice(max(after - 1, 0), after + 1)
-        pose_ns, poses = np.array(self._pose_ns[near]), np.array(self._poses[near])
-        positions, found = interpolate_poses(
-            self._axes, pose_ns, poses, np.array([stamp_ns]), self._max_gap_s
-        )
-        return positions[0] if found[0] else None
+        """The position that :func:`interpolate_poses` finds, several times faster for a single stamp."""
+        pose_ns, after = self._pose_ns, bisect_left(self._pose_ns, stamp_ns)
+        if after == len(pose_ns):
+            return None
+        before = after if pose_ns[after] == stamp_ns else after - 1
+        if before < 0 or (span := pose_ns[after] - pose_ns[before]) > self._max_gap_ns:
+            return None
+        fraction = (stamp_ns - pose_ns[before]) / max(span, 1)
+        return _between(self._axes, self._poses[before], self._poses[after], fraction)
 
     def _arrived(self, stamp_ns: int, newest_ns: int | None) -> list[Pair[T]] | None:
         """Pairs that end where time jumps back; ``None``: the stamp is late by the newest of its topic."""

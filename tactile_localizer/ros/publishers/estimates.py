@@ -27,10 +27,13 @@ UNKNOWN_VARIANCE = 1e6
 """Variance of unmodelled axes of a pose, m² or rad²; fusion nodes interpret zero as certainty."""
 
 
-def posterior(estimate: Estimate, axes: tuple[str, ...], frame: str, stale: str = "") -> Posterior:
-    """The message of an estimate; if ``stale`` gives a reason, the state is ``STALE`` and not converged."""
-    message = Posterior()
-    message.header = _header(estimate.stamp_ns, frame)
+def fill_posterior(message: Posterior, estimate: Estimate, axes: tuple[str, ...], stale: str = "") -> None:
+    """Fill in an estimate; if ``stale`` gives a reason, the state is ``STALE`` and not converged.
+
+    All fields are set but the frame, so that a message can be used again: making one takes longer.
+    """
+    stamp = message.header.stamp
+    stamp.sec, stamp.nanosec = divmod(estimate.stamp_ns, NANOSECONDS)
     message.axes = list(axes)
     message.mean = array("d", estimate.mean.tobytes())
     message.covariance = array("d", np.ascontiguousarray(estimate.covariance).tobytes())
@@ -45,7 +48,6 @@ def posterior(estimate: Estimate, axes: tuple[str, ...], frame: str, stale: str 
     message.particles = estimate.hypotheses
     message.travel = estimate.travel
     message.stale = message.state == Posterior.STALE
-    return message
 
 
 def pose(estimate: Estimate, axes: tuple[str, ...], frame: str) -> PoseWithCovarianceStamped:
@@ -130,9 +132,11 @@ class EstimatePublisher:
     def __init__(self, node: LifecycleNodeMixin, parameters: Parameters) -> None:
         self._parameters = parameters
         self._frame = parameters["material_frame"]
+        self._message = Posterior()
+        self._message.header.frame_id = self._frame
         # A separate generator: subscribers must not influence the estimates.
         self._rng = np.random.default_rng(0)
-        self._displayed_ns = -math.inf
+        self._displayed_ns, self._period_ns = -math.inf, 0.0
         self._posterior = node.create_lifecycle_publisher(Posterior, "~/posterior", 100)
         self._converged = node.create_lifecycle_publisher(Bool, "~/converged", 100)
         self._pose = node.create_lifecycle_publisher(PoseWithCovarianceStamped, "~/pose", 100)
@@ -142,13 +146,13 @@ class EstimatePublisher:
     def publish(self, estimate: Estimate, localizer: Localizer, stale: str = "") -> None:
         """Publish an estimate; ``stale`` is the reason why it is stale, or empty."""
         axes = localizer.scene.axis_names
-        self._posterior.publish(posterior(estimate, axes, self._frame, stale))
+        fill_posterior(self._message, estimate, axes, stale)
+        self._posterior.publish(self._message)
         if self._converged.get_subscription_count():
             self._converged.publish(Bool(data=estimate.converged and not stale))
         if self._pose.get_subscription_count() and not stale:
             self._pose.publish(pose(estimate, axes, self._frame))
-        period_ns = NANOSECONDS / self._parameters["particles_rate_hz"]
-        if stale or not 0 <= estimate.stamp_ns - self._displayed_ns < period_ns:
+        if stale or not 0 <= estimate.stamp_ns - self._displayed_ns < self._period_ns:
             self._display(estimate, localizer, stale)
 
     def publish_waiting(self, stamp_ns: int, localizer: Localizer, reason: str) -> None:
@@ -158,6 +162,7 @@ class EstimatePublisher:
 
     def _display(self, estimate: Estimate, localizer: Localizer, stale: str) -> None:
         self._displayed_ns = estimate.stamp_ns
+        self._period_ns = NANOSECONDS / self._parameters["particles_rate_hz"]
         scene = localizer.scene
         if self._markers.get_subscription_count():
             self._markers.publish(hand_markers.markers(estimate, scene, self._frame, stale))
