@@ -3,8 +3,7 @@
 Fingers flex, material stretches and recordings start late, which shifts sweeps against each other. The shift
 of a held-out sweep is tracked by a Kalman filter, linear about the true positions, with the variances and the
 exponents that the localizer has, but for the gain of the signal: what a sweep's gain looks like counts as a
-shift. The variance added to that of the filter maximizes the predictive density of these
-shifts.
+shift. The variance of the errors behind these shifts is added to that of the filter.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
 from tactile_localizer.core.scan.interpolation import interpolate
 from tactile_localizer.core.scan.lines import neighbours
 from tactile_localizer.core.scan.tracks import PITCH, evenly
@@ -39,12 +38,9 @@ _SURROUNDINGS = 0.05
 """m around a scan in which a hand is localized."""
 _BEYOND = 0.001
 """m beyond a scan that a hand is still on the map, as its position has errors."""
-_MAX_RELATIVE_ERROR = 6.0
-"""Multiple of the median absolute error at which errors are clipped."""
-_MAX_DROP_NATS = 1.0
-"""nats below the most probable at which a candidate is rejected: 1.4 standard errors. By judgement."""
-_CANDIDATES = np.geomspace(0.25, 12.0, 32)
-"""Candidates for the registration error, in units of the prior."""
+_ERRORS = 1.4
+"""Standard errors by which the registration error is enlarged. By judgement."""
+_ITERATIONS = 50
 
 
 class Calibration(NamedTuple):
@@ -58,13 +54,6 @@ class Calibration(NamedTuple):
 
     registration_std: np.ndarray
     variance: VarianceModel | None = None
-
-
-class Shifts(NamedTuple):
-    """Shifts along a held-out sweep, m, and their variances, m^2 (yaw by its lever), both (n, d)."""
-
-    shift: np.ndarray
-    variance: np.ndarray
 
 
 def calibrate(model: SweepModel) -> Calibration:
@@ -89,11 +78,9 @@ def calibrate(model: SweepModel) -> Calibration:
         shift, variance = (fraction * one + (1.0 - fraction) * other for one, other in parts)
         # Before contact the position is open.
         known = scan.signal[part].any(axis=1) & (variance.sum(axis=1) < _WRONG_PLACE_M**2)
-        found.append(Shifts(shift[known], variance[known]))
-    # From the error of a sweep against the mean of the others to that of a new sweep against the mean of all.
-    factor = math.sqrt((1.0 + 1.0 / sweeps) / (1.0 + 1.0 / max(sweeps - 1, 1)))
-    registration = factor * registration_std(found, tracks.scene) / scale
-    return Calibration(registration, model.variance)
+        if known.any():
+            found.append((shift[known], variance[known]))
+    return Calibration(registration_std(found, tracks.scene) / scale, model.variance)
 
 
 def _most_signal(points: slice, signal: np.ndarray) -> slice:
@@ -104,8 +91,11 @@ def _most_signal(points: slice, signal: np.ndarray) -> slice:
     return slice(first, first + count)
 
 
-def register(model: SweepModel, points: slice, without: np.ndarray) -> Shifts:
-    """Shifts along ``points`` of a track against the tracks that are not ``without`` (S,) bool."""
+def register(model: SweepModel, points: slice, without: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shifts along ``points`` of a track against the tracks that are not ``without`` (S,) bool.
+
+    They are in m, with their variances in m^2 (yaw by its lever), both (n, d).
+    """
     scan, layout, tracks = model.scan, model.scan.noise.layout, model.scan.tracks
     scene, material, scale = tracks.scene, model.scan.material, levers(tracks.scene)
     positions, axes = tracks.positions[points], scene.dimension
@@ -134,7 +124,7 @@ def register(model: SweepModel, points: slice, without: np.ndarray) -> Shifts:
         covariance = np.linalg.inv(np.linalg.inv(covariance) + weighted @ gradient.T)
         shift = shift + covariance @ weighted @ innovation
         found.append((shift, covariance.diagonal()))
-    return Shifts(*(np.array(each) for each in zip(*found, strict=True)))
+    return np.array([each for each, _ in found]), np.array([each for _, each in found])
 
 
 def surroundings(scene: Scene, positions: np.ndarray) -> Scene:
@@ -156,36 +146,21 @@ def surroundings(scene: Scene, positions: np.ndarray) -> Scene:
     return replace(scene, axes=tuple(axes))
 
 
-def registration_std(found: Sequence[Shifts], scene: Scene) -> np.ndarray:
-    """Standard deviation (d,), m, of the registration error, from the shifts of each sweep and the prior.
+def registration_std(found: Sequence[tuple[np.ndarray, np.ndarray]], scene: Scene) -> np.ndarray:
+    """Standard deviation (d,), m, of the registration error, from the shifts (n, d) of sweeps.
 
-    Of the candidates that the shifts do not reject the largest is returned: test sweeps move more than those
-    of a scan. Shifts have a t-distribution, as strains have: some sweeps are mistaken for another place.
+    EM over the errors (Laird and Ware, 1982), which have t-distributions: some sweeps are mistaken for
+    another place. A sweep counts as one error, whatever its length. The result is enlarged by
+    :data:`_ERRORS` standard errors: test sweeps move more than those of a scan.
     """
-    # The shifts of n sweeps, each against the mean of the others, have n - 1 degrees of freedom.
-    freedom, scale = 1.0 - 1.0 / max(len(found), 2), 1.0 - 2.0 / DEGREES_OF_FREEDOM
-    candidates = _PRIOR_STD * _CANDIDATES[:, None]
-    fit = -0.5 * _PRIOR_ERRORS * (2.0 * np.log(candidates) + (_PRIOR_STD / candidates) ** 2)
-    fit = np.repeat(fit, scene.dimension, axis=1)
-    for shift, variance in (each for each in found if len(each.shift)):
-        count = freedom * np.array([independent_samples(along) for along in shift.T])
-        total = scale * (variance + np.square(candidates)[:, None])
-        fit += count * log_density(shift**2, total, 1).mean(axis=1)
-    kept = [each >= each.max() - _MAX_DROP_NATS for each in fit.T]
-    return np.array([candidates[each][-1, 0] for each in kept]) if found else np.full(len(kept), _PRIOR_STD)
-
-
-def independent_samples(errors: np.ndarray) -> float:
-    """Effective number of independent samples in a series of errors (n,).
-
-    It is n over the autocorrelation integrated up to its first zero; a constant error counts as one sample.
-    """
-    bound = _MAX_RELATIVE_ERROR * np.median(np.abs(errors))
-    bounded = errors.clip(-bound, bound)
-    n = len(bounded)
-    correlation = np.correlate(bounded, bounded, "full")[n - 1 :]
-    if correlation[0] <= 0.0:
-        return 1.0
-    vanished = np.flatnonzero(correlation <= 0.0)
-    end = int(vanished[0]) if len(vanished) else n
-    return float(n * correlation[0] / (2.0 * correlation[:end].sum() - correlation[0]))
+    if not found:
+        return np.full(scene.dimension, _PRIOR_STD)
+    shift, variance = (np.concatenate(each) for each in zip(*found, strict=True))
+    weights = np.concatenate([np.full((len(each), 1), 1.0 / len(each)) for each, _ in found])
+    count, error = _PRIOR_ERRORS + len(found), np.full(scene.dimension, _PRIOR_STD**2)
+    for _ in range(_ITERATIONS):
+        total = error + variance
+        tails = (DEGREES_OF_FREEDOM + 1.0) / (DEGREES_OF_FREEDOM + shift**2 / total)
+        squares = weights * (tails * (error / total * shift) ** 2 + error * variance / total)
+        error = (_PRIOR_ERRORS * _PRIOR_STD**2 + squares.sum(axis=0)) / count
+    return np.asarray(np.sqrt(error) * (1.0 + _ERRORS / math.sqrt(2.0 * count)))
