@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
         scene, configuration, recording, sweeps, learned, verdict, odometry=odometry, seed=args.seed
     )
     if args.json is not None:
-        write_json(args.json, document, rows="updates")
+        write_json(args.json, document)
         print(f"{args.json}: {document['summary']['strains']} updates")
     if args.plot is not None:
         from tactile_localizer.offline.figures.replay import replay_figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from tactile_localizer.io.whole_file import whole_file
 
 
 def plain(value: Any) -> Any:
-    """Convert mappings, sequences, dataclasses, arrays and numbers to values that JSON can hold."""
+    """Convert mappings, sequences, iterators, dataclasses, arrays and numbers to what JSON can hold."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, float):
@@ -24,31 +24,20 @@ def plain(value: Any) -> Any:
         value = dataclasses.asdict(value)
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple | Iterator):
         return [plain(entry) for entry in value]
     return value
 
 
-def write_json(path: str | Path, value: Mapping[str, Any], rows: str | None = None) -> None:
-    """Write ``value`` to a file that appears only when it is complete.
+def write_json(path: str | Path, value: Mapping[str, Any]) -> None:
+    """Write ``value``, which :func:`plain` converts, to a file that appears only when it is complete.
 
-    Parameters
-    ----------
-    path : file to write; missing folders are created
-    value : mapping of values that :func:`plain` converts
-    rows : name of an iterable in ``value`` that is written row by row, one per line
+    Missing folders are created.
 
     Raises
     ------
     ScanError
         The file cannot be written.
     """
-    text = json.dumps(plain({name: entry for name, entry in value.items() if name != rows}), indent=1)
-    with whole_file(path) as unfinished, unfinished.open("w", encoding="utf-8") as file:
-        if rows is None:
-            file.write(text + "\n")
-            return
-        file.write(f'{text[:-2]},\n "{rows}": [\n')
-        for number, row in enumerate(value[rows]):
-            file.write((",\n" if number else "") + json.dumps(plain(row)))
-        file.write("\n]\n}\n")
+    with whole_file(path) as unfinished:
+        unfinished.write_text(json.dumps(plain(value)) + "\n", encoding="utf-8")

@@ -72,6 +72,8 @@ _MOST_UNPUBLISHED = 32
 """Most cycles in the queue of the driver, a tenth of what it holds."""
 _PATIENCE_S = 5.0
 """Time to wait for strain of a driver that has published some, s; a busy machine holds it up for 1 s."""
+_DEPTH = 1000
+"""Poses that are kept for a reliable subscriber that a busy machine holds up."""
 _POLL_S = 0.001
 _PUNCTUAL = 0.25
 """Most lateness of a pose or a sample, in load cell periods; during more than that the hand stands still."""
@@ -95,8 +97,8 @@ class SimulatorNode(ManagedNode):
         bus = open_bus(BusSettings(parameters["interface"], parameters["channel"], options), protocol)
         self.defer(bus.shutdown)
         self._cells = CanLoadCells(protocol, bus, child(seed, _BUS_NOISE))
-        self._pose = self.create_lifecycle_publisher(PoseStamped, "palm_pose", 100)
-        self._truth = self.create_lifecycle_publisher(PoseStamped, "~/ground_truth", 100)
+        self._pose = self.create_lifecycle_publisher(PoseStamped, "palm_pose", _DEPTH)
+        self._truth = self.create_lifecycle_publisher(PoseStamped, "~/ground_truth", _DEPTH)
         self._active = self.create_lifecycle_publisher(Bool, "~/sweep_active", LATCHED)
         group = MutuallyExclusiveCallbackGroup()  # one motion after the other, while strain is counted
         self.create_service(Trigger, "~/prepare", self._on_prepare, callback_group=group)

@@ -78,7 +78,7 @@ def test_rows_are_written_as_json_can_hold_them(tmp_path: Path) -> None:
         "evidence": np.inf,
         "reason": "lost: é",
     }
-    write_json(tmp_path / "out.json", {"n": 2, "rows": [row, {}]}, rows="rows")
+    write_json(tmp_path / "out.json", {"n": 2, "rows": [row, {}]})
     assert json.loads((tmp_path / "out.json").read_text()) == {
         "n": 2,
         "rows": [{**row, "mean": [0.1, None], "evidence": None}, {}],

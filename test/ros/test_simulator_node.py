@@ -129,7 +129,7 @@ def test_frames_carry_the_simulated_strain(start, hand, frames):
 def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
     start, node_process, bus, hand, probe, tmp_path
 ):
-    simulator = start(speed=2.0, load_cell_rate_hz=200.0, pose_rate_hz=100.0)
+    simulator = start(speed=2.0, load_cell_rate_hz=200.0, pose_rate_hz=20.0)
     patient = {"receive_buffer": 1 << 17, "period_s": 1.0, "max_age_s": 60.0}
     driver = node_process("driver_node", {**bus, **patient, "tare_file": tmp_path / "tare.yaml"})
     arrays = probe.diagnostics()
@@ -148,17 +148,17 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
     first = len(hand.poses)
     for frozen in (simulator, driver):
         os.kill(frozen.pid, signal.SIGSTOP)
-        # The hand would send 640 frames, of which the driver's queue holds 160. A stop of half a period would
+        # The hand would send 480 frames, of which the driver's queue holds 160. A stop of half a period would
         # divide the cycle that is being sent.
-        time.sleep(0.4)
+        time.sleep(0.3)
         os.kill(frozen.pid, signal.SIGCONT)
-        received(100)
+        received(20)
     assert counted("CAN bus")["queue_drops"] == counted("CAN bus")["frames_late"] == "0"
     assert [counted(name)["drops"] for name in ("index", "middle")] == ["0", "0"]
     hand.wait_for_present()
     stamps_ns = np.array([stamp_of(pose) for pose in hand.poses[first:]])
     assert np.all(np.diff(stamps_ns) > 0)
-    paused = np.diff(stamps_ns) > 0.3e9
+    paused = np.diff(stamps_ns) > 0.2e9
     moved = np.linalg.norm(np.diff(xy(hand.poses[first:]), axis=0), axis=1)
     assert np.count_nonzero(paused) > 0
     assert np.max(moved[paused]) == 0.0, "a hand that waits does not move"
