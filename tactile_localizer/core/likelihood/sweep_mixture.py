@@ -55,9 +55,11 @@ class SweepMixture:
         self._variance = np.ascontiguousarray(variance).reshape(layout.phalanges, -1)
         self._log_prior = np.ascontiguousarray(strain_map.log_prior.T)
         self._channels = np.array(layout.counts, dtype=np.float32)[:, None]
-        # A product with these columns sums over the channels of each phalanx.
-        self._columns = layout.expand(np.eye(layout.phalanges, dtype=np.float32)).T
-        self._energy = self._by_phalanx(np.square(self._mean))
+        # A product with these rows sums over the channels of each phalanx.
+        self._sums = layout.expand(np.eye(layout.phalanges, dtype=np.float32))
+        # Where all components are the same, as on featureless material, the first one is enough.
+        tables = strain_map.mean, strain_map.variance
+        self._differs = np.any([(each != each[:, :1]).any(axis=(1, 2)) for each in tables], axis=0)
         self.excess = np.zeros(layout.size)
         self._transform: np.ndarray | None = None
 
@@ -72,7 +74,6 @@ class SweepMixture:
         model.noise = replace(self.noise, log_volume=self.noise.log_volume + np.array(volume))
         model.excess = excess
         model._transform, model.other = transform.astype(np.float32), self.other.transformed(transform)
-        model._energy = self._by_phalanx(np.square(self._mean @ model._transform.T))
         return model
 
     def innovation(
@@ -149,29 +150,31 @@ class SweepMixture:
         used : (F,) bool, phalanges that count
         """
         places, gain = len(nodes), np.float32(self.map.gain)
-        further = (nodes[:states] + self._nodes * np.arange(1, self._components)[:, None]).ravel()
-        rows = np.concatenate([nodes, further])
-        strain = innovation.strain.astype(np.float32)
+        # States at which all components are evaluated, the likeliest last.
+        mixed = np.append(self._differs.take(nodes[:states]).nonzero()[0], likeliest)
+        further = self._nodes * np.arange(1, self._components)[:, None]
+        rows = np.concatenate([nodes, (nodes[mixed] + further).ravel()])
         expected = self._mean.take(rows, axis=0)
-        residual = np.empty_like(expected)
-        np.subtract(strain, innovation.map, out=residual[:places])
-        if len(further):
-            target = strain + innovation.map_trend[:states]
-            others = expected[places:].reshape(-1, states, len(strain))
-            np.subtract(target, others, out=residual[places:].reshape(others.shape))
+        target = innovation.strain.astype(np.float32) + innovation.map_trend
         if self._transform is not None:
-            residual, expected = residual @ self._transform.T, expected @ self._transform.T
+            expected, target = expected @ self._transform.T, target @ self._transform.T
+        residual = np.empty_like(expected)
+        np.subtract(target, expected[:places], out=residual[:places])
+        others = residual[places:].reshape(len(further), len(mixed), len(innovation.strain))
+        np.subtract(target.take(mixed, axis=0), expected[places:].reshape(others.shape), out=others)
         variance = self._variance.take(rows, axis=1)
         variance *= scale.astype(np.float32)[:, None]
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
-        projected = gain * np.square(self._by_phalanx(np.multiply(residual, expected, out=expected)))
-        gain_variance = gain * self._energy.take(rows, axis=1)
-        squared = self._by_phalanx(np.square(residual, out=residual))
+        projected = gain * np.square(self._sums @ (residual * expected).T)
+        gain_variance = gain * (self._sums @ np.square(expected, out=expected).T)
+        squared = self._sums @ np.square(residual, out=residual).T
 
         plain = log_density(squared, variance, self._channels, projected, gain_variance) * used[:, None]
-        by_component = np.concatenate([plain[:, :states], plain[:, places:]], axis=1)
-        by_component = by_component.reshape(len(used), self._components, states)
-        own = np.r_[likeliest, places + likeliest + states * np.arange(self._components - 1)]
+        log_prior = self._log_prior.take(nodes[mixed], axis=1)
+        by_component = np.concatenate([plain.take(mixed, axis=1), plain[:, places:]], axis=1)
+        plain[:, mixed] = _mixed(by_component.reshape(len(used), -1, len(mixed)) + log_prior)
+        at_places = plain[:, :places].sum(axis=0, dtype=np.float64)
+        own = np.r_[likeliest, places - 1 + len(mixed) * np.arange(1, self._components)]
         resembling = log_density(
             squared[:, own],
             _RESEMBLING * variance[:, own],
@@ -179,23 +182,12 @@ class SweepMixture:
             projected[:, own],
             gain_variance[:, own],
         )
-        if self._components > 1:
-            by_component += self._log_prior.take(nodes[:states], axis=1)
-            resembling += self._log_prior[:, nodes[likeliest]]
-        at_states = _mixed(by_component).sum(axis=0)
-        at_references = plain[:, states:places].sum(axis=0).astype(np.float64)
-        return Likelihoods(at_states, at_references, _mixed(resembling[..., None])[:, 0])
-
-    def _by_phalanx(self, values: np.ndarray) -> np.ndarray:
-        """Sums over the channels of each phalanx, (N, C) to (F, N)."""
-        return np.ascontiguousarray((values @ self._columns).T)
+        resembling = _mixed((resembling + log_prior[:, -1])[..., None])[:, 0].astype(np.float64)
+        return Likelihoods(at_places[:states], at_places[states:], resembling)
 
 
 def _mixed(log_densities: np.ndarray) -> np.ndarray:
-    """Logarithms of the sums over components, (F, K, P) to (F, P) float64."""
-    if log_densities.shape[1] == 1:
-        return log_densities[:, 0].astype(np.float64)
+    """Logarithms of the sums over components, (F, K, P) to (F, P)."""
     largest = log_densities.max(axis=1)
     log_densities -= largest[:, None]
-    largest += np.log(np.exp(log_densities, out=log_densities).sum(axis=1))
-    return largest.astype(np.float64)
+    return np.asarray(largest + np.log(np.exp(log_densities, out=log_densities).sum(axis=1)))
