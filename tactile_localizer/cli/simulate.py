@@ -28,7 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         add(f"--{kind}", type=int, default=count, metavar="N", help=f"{kind} sweeps (default {count})")
     text = "channels of the two phalanges (default: 8 each); also writes scene.yaml"
     add("--channels", type=int, nargs=2, default=(), metavar="N", help=text)
-    add("--never-reach", action="store_true", help="end the test sweeps before the feature")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -36,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     channels = tuple(args.channels)
     simulate = partial(simulate_recording, args.feature, args.seed, channels=channels)
     train = simulate("train", sweeps=args.train)
-    test = simulate("test", sweeps=args.test, reach_feature=not args.never_reach)
+    test = simulate("test", sweeps=args.test)
     scene = shipped_scene(args.feature, channels)
     for name, recording, positions in (("train", train, "position"), ("test", test, "truth")):
         path = args.output / f"{name}.csv"

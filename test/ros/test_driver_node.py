@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,9 @@ import can
 import numpy as np
 import pytest
 from support.diagnostics import status_of
-from support.load_cells import cycle, protocol
+from support.load_cells import cycle, number_of, protocol
 from support.processes import node_command
+from support.sweeps import stamp_of
 
 pytestmark = pytest.mark.ros
 
@@ -42,13 +44,17 @@ def parameters(valid: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 
 class Hand:
-    """Load cells that send a cycle whenever a condition is evaluated."""
+    """Load cells that send a cycle whenever a condition is evaluated, and what the driver makes of it."""
 
-    def __init__(self, simulated_can: dict[str, Any]) -> None:
-        self.bus = can.Bus(**simulated_can, hop_limit=0)
-        self.number = 0
+    def __init__(self, simulated_can: dict[str, Any], probe: Any) -> None:
+        from tactile_localizer.msg import StrainVectors
+
+        self.bus, self._probe = can.Bus(**simulated_can, hop_limit=0), probe
+        self.number = self.sent = 0  # of the next cycle; frames
         self.silent: set[int] = set()
         self.swing: float | None = None  # V between two samples; None: distinguishable samples
+        self.strains: list[Any] = probe.listen(StrainVectors, "strain", probe.best_effort)
+        self.reports: list[Any] = probe.diagnostics()
 
     def send(self, frames: list[can.Message] | None = None) -> None:
         if frames is None and self.swing is not None:
@@ -57,12 +63,52 @@ class Hand:
         for frame in frames or cycle(HAND, self.number):
             if (frame.arbitration_id - 0x102) // 2 not in self.silent:
                 self.bus.send(frame)
+                self.sent += 1
         self.number += 1
+
+    def send_cycles(self, count: int) -> range:
+        """Send cycles, no more at a time than a queue holds; returns their numbers."""
+        first = self.number
+        for _ in range(count):
+            self.send()
+            self._probe.executor.spin_once(timeout_sec=0.002)
+        return range(first, self.number)
+
+    def sending(self, condition: Callable[[], Any], what: str) -> None:
+        """Send until ``condition`` is true."""
+        self._probe.until(lambda: self.send() or condition(), what)
+
+    def start(self) -> None:
+        """Send until the driver has published the last cycle; then count and gather from now on."""
+        self._probe.until(lambda: self.reports, "the driver")
+        self.sending(lambda: self.strains and not any(self.strains[-1].status), "whole strain vectors")
+        self._probe.until(lambda: self.numbers()[-1] == {self.number - 1}, "the last cycle sent")
+        self.strains.clear()
+
+    def numbers(self) -> list[set[int]]:
+        """Numbers of the samples in each strain vector; fails on voltages that were not sent."""
+        return [
+            {
+                number_of(p, np.array(message.strain[8 * p : 8 * p + 8]))
+                for p in range(2)
+                if not message.status[p] & message.MISSING
+            }
+            for message in self.strains
+        ]
+
+    def status(self, name: str) -> tuple[bytes, str, dict[str, str]]:
+        """Level, message and values of the newest status of the bus or a phalanx."""
+        return status_of(self.reports, f"driver: {name}")
+
+    def until_counted(self, **values: object) -> None:
+        """Wait for diagnostics with these values, and until the driver has counted every frame sent."""
+        wanted = {key: str(value) for key, value in {"frames_data": self.sent, **values}.items()}
+        self._probe.until(lambda: wanted.items() <= self.status("CAN bus")[2].items(), str(wanted))
 
 
 @pytest.fixture
-def hand(simulated_can: dict[str, Any]) -> Iterator[Hand]:
-    one = Hand(simulated_can)
+def hand(simulated_can: dict[str, Any], probe: Any) -> Iterator[Hand]:
+    one = Hand(simulated_can, probe)
     yield one
     one.bus.shutdown()
 
@@ -83,8 +129,60 @@ def test_an_invalid_configuration_ends_the_process(node_process: Callable[..., A
     assert len(node.lines) == 1
 
 
-def values(arrays: list[Any], what: str) -> tuple[bytes, str, dict[str, str]]:
-    return status_of(arrays, f"driver: {what}")
+def test_each_cycle_is_one_message_with_its_receive_time(
+    node_process: Callable[..., Any], parameters: dict[str, Any], hand: Hand, probe: Any
+) -> None:
+    node_process("driver_node", parameters)
+    hand.start()
+    begin_ns = time.time_ns()
+    numbers = hand.send_cycles(300)
+    probe.until(lambda: len(hand.strains) >= 300, "300 strain vectors")
+    assert hand.numbers() == [{n} for n in numbers]
+    assert [list(message.sequence) for message in hand.strains] == [[n, n] for n in numbers]
+    stamps = [stamp_of(message) for message in hand.strains]
+    assert begin_ns - 10**6 < stamps[0] < stamps[-1] < time.time_ns()
+    assert stamps == sorted(stamps)
+    assert list(hand.strains[0].phalanges) == ["index", "middle"]
+
+
+def test_a_closed_bus_and_bus_off_are_survived(
+    node_process: Callable[..., Any], parameters: dict[str, Any], hand: Hand, probe: Any
+) -> None:
+    node = node_process("driver_node", parameters)
+    hand.start()
+    sent = list(hand.send_cycles(10))
+    hand.until_counted()
+    assert probe.change("driver", "deactivate")
+    hand.number += 5  # as while the bus is closed
+    assert probe.change("driver", "activate")
+    sent += hand.send_cycles(15)
+    hand.bus.send(can.Message(arbitration_id=0x40, is_error_frame=True, data=bytes(8)))
+    hand.until_counted(controller="bus off")
+    hand.number += 10
+    sent += hand.send_cycles(15)
+    hand.until_counted(controller="error active", frames_error=1)
+    drops = [hand.status(name)[2]["drops"] for name in ("index", "middle")]
+    assert drops == ["0", "0"], "samples sent while the bus is closed are not counted"
+    assert {len(numbers) for numbers in hand.numbers()} == {1}, hand.numbers()
+    assert {n for numbers in hand.numbers() for n in numbers} >= set(sent)
+    assert node.running
+    assert "Traceback" not in node.output
+
+
+def test_simulated_time_stamps_with_the_node_clock(
+    node_process: Callable[..., Any], parameters: dict[str, Any], hand: Hand, probe: Any
+) -> None:
+    from builtin_interfaces.msg import Time
+    from rosgraph_msgs.msg import Clock
+
+    node_process("driver_node", {**parameters, "use_sim_time": True})
+    clock = probe.publisher(Clock, "/clock", timeout_s=60.0)
+
+    def stamped() -> bool:
+        clock.publish(Clock(clock=Time(sec=17, nanosec=5)))
+        return bool(hand.strains) and stamp_of(hand.strains[-1]) == 17 * 10**9 + 5
+
+    hand.sending(stamped, "a stamp of simulated time")
 
 
 def test_diagnostics_distinguish_idle_ok_and_stale(
@@ -92,55 +190,50 @@ def test_diagnostics_distinguish_idle_ok_and_stale(
 ) -> None:
     from diagnostic_msgs.msg import DiagnosticStatus
 
-    arrays = probe.diagnostics()
     node_process("driver_node", parameters=parameters)
 
     def reports(what: str, message: str) -> bool:
-        return message in values(arrays, what)[1]
+        return message in hand.status(what)[1]
 
     probe.until(lambda: reports("CAN bus", "open, idle"), "an idle bus")
-    assert all(status.level == DiagnosticStatus.OK for status in arrays[-1].status)
-    assert "idle" in values(arrays, "index")[1]
+    assert all(status.level == DiagnosticStatus.OK for status in hand.reports[-1].status)
+    assert "idle" in hand.status("index")[1]
 
-    sent = hand.number
-
-    def sending(
-        what: str, message: str, volts: float = 0.0, status: int = 0, index: str = ""
-    ) -> Callable[[], bool]:
+    def until(what: str, message: str, volts: float = 0.0, status: int = 0, index: str = "") -> None:
         def condition() -> bool:
             strain = [volts] + 7 * [0.0]
             hand.send([f for p in range(2) for f in HAND.encode(p, strain, hand.number, status)])
             return reports(what, message) and reports("index", index)
 
-        return condition
+        probe.until(condition, f"{what}: {message}")
 
-    probe.until(sending("middle", "OK", index="OK"), "phalanges with status OK")
-    level, _, index = values(arrays, "index")
+    until("middle", "OK", index="OK")
+    level, _, index = hand.status("index")
     assert level == DiagnosticStatus.OK
     assert float(index["rate_hz"]) > 1
     assert 0 <= float(index["age_s"]) < 0.5  # else it would be stale
 
     hand.silent = {1}
-    probe.until(sending("middle", "stale", index="OK"), "a stale phalanx beside another")
-    assert values(arrays, "middle")[0] == DiagnosticStatus.ERROR
-    assert values(arrays, "index")[0] == DiagnosticStatus.OK
+    until("middle", "stale", index="OK")
+    assert hand.status("middle")[0] == DiagnosticStatus.ERROR
+    assert hand.status("index")[0] == DiagnosticStatus.OK
 
     hand.silent = set()
     error = can.Message(arbitration_id=0x04, is_error_frame=True, data=bytes(8))
     short = can.Message(arbitration_id=0x102, is_extended_id=False, data=bytes(3))
     for frame in (error, error, short):
         hand.bus.send(frame)
-    probe.until(sending("CAN bus", "wrong length"), "a warning of bad frames")
-    probe.until(sending("index", "saturated", volts=9.0), "a saturated gauge")
-    probe.until(sending("index", "fault reported by the load cell", status=3), "a fault")
+    until("CAN bus", "wrong length")
+    until("index", "saturated", volts=9.0)
+    until("index", "fault reported by the load cell", status=3)
     probe.until(
         lambda: reports("index", "stale") and reports("middle", "stale"), "both stale, as nothing is sent"
     )
-    _, _, counted = values(arrays, "CAN bus")
+    _, _, counted = hand.status("CAN bus")
     assert (counted["frames_error"], counted["frames_wrong_length"]) == ("2", "1")
-    complete = int(values(arrays, "index")[2]["samples"])
-    assert complete == hand.number - sent
-    middle = values(arrays, "middle")[2]
+    complete = int(hand.status("index")[2]["samples"])
+    assert complete == hand.number
+    middle = hand.status("middle")[2]
     assert int(middle["drops"]) == 2 * (complete - int(middle["samples"])) > 0
 
 
@@ -150,20 +243,14 @@ def test_two_senders_and_two_drivers_are_reported(
 
     from tactile_localizer.msg import StrainVectors
 
-    arrays = probe.diagnostics()
     node_process("driver_node", parameters=parameters)
 
-    def reported(what: str, message: str) -> Callable[[], bool]:
-        def condition() -> bool:
-            frames = [f for n in (hand.number, hand.number + 5) for f in cycle(HAND, n)]
-            hand.send(frames)
-            return message in values(arrays, what)[1]
+    def sent_twice() -> None:
+        hand.send([f for n in (hand.number, hand.number + 5) for f in cycle(HAND, n)])
 
-        return condition
-
-    probe.until(reported("middle", "two load cells with"), "two senders of a phalanx")
+    probe.until(lambda: sent_twice() or "two load cells with" in hand.status("middle")[1], "two senders")
     second = probe.node.create_publisher(StrainVectors, "strain", 10)
-    probe.until(reported("CAN bus", "found 2"), "two publishers")
+    probe.until(lambda: sent_twice() or "found 2" in hand.status("CAN bus")[1], "two publishers")
     probe.node.destroy_publisher(second)
 
 
@@ -173,24 +260,13 @@ class Tares:
     def __init__(self, probe: Any, hand: Hand) -> None:
         from tactile_localizer.msg import StrainVectors
 
-        self.strains = probe.listen(StrainVectors, "strain", probe.best_effort)
         self.offsets = probe.listen(StrainVectors, "driver/tare_offset", probe.latched)
         self._probe, self._hand = probe, hand
 
-    def sending(self, condition: Callable[[], Any], what: str) -> None:
-        """Send until ``condition`` is true."""
-
-        def sent() -> bool:
-            self._hand.send()
-            return bool(condition())
-
-        self._probe.until(sent, what)
-
     def wait_for_strain(self, expected: list[float], what: str) -> None:
         """Send until the newest strain is ``expected``, V."""
-        self.sending(
-            lambda: self.strains and np.allclose(self.strains[-1].strain, expected, atol=0.001), what
-        )
+        strains = self._hand.strains
+        self._hand.sending(lambda: strains and np.allclose(strains[-1].strain, expected, atol=0.001), what)
 
     def wait_for_offset(self, expected: list[float], what: str, after: int = 0) -> None:
         """Wait until the newest of more than ``after`` offsets is ``expected``, V."""
@@ -207,7 +283,7 @@ class Tares:
         self._probe.until(client.service_is_ready, service)
         self._probe.known_to("driver")
         future = client.call_async(Trigger.Request())
-        self.sending(future.done, f"an answer of {service}")
+        self._hand.sending(future.done, f"an answer of {service}")
         return future.result()
 
 
@@ -218,7 +294,7 @@ def test_a_tare_requires_a_hand_at_rest(
     node_process("driver_node", parameters=parameters)
     tares.wait_for_offset([0.0] * 16, "the offset at the start")
     hand.swing = 0.25
-    tares.sending(lambda: tares.strains, "strain of a hand that moves")
+    hand.sending(lambda: hand.strains, "strain of a hand that moves")
     moving = tares.call("tare")
     assert not moving.success
     assert "at rest" in moving.message
@@ -235,16 +311,16 @@ def test_a_tare_is_published_stored_and_cleared(
     hand.swing = 0.0
     raw = [0.5] * 8 + [1.5] * 8
     tares.wait_for_strain(raw, "strain of the hand at rest")
-    before = len(tares.strains)
+    before = len(hand.strains)
     answer = tares.call("tare")
     assert answer.success, answer.message
-    assert len(tares.strains) > before + 3  # strain was published during the tare
+    assert len(hand.strains) > before + 3  # strain was published during the tare
     tares.wait_for_strain([0.0] * 16, "strain without the offset")
     tares.wait_for_offset(raw, "the new offset")
 
     assert node.stop() == 0
     count = len(tares.offsets)
-    tares.strains.clear()
+    hand.strains.clear()
     node = node_process("driver_node", parameters=parameters)
     tares.wait_for_offset(raw, "the stored offset", after=count)
     tares.wait_for_strain([0.0] * 16, "strain without the stored offset")

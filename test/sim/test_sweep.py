@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.sim import simulate_sweep
+from tactile_localizer.sim import simulate_recording, simulate_sweep
 
 FIELDS = ("stamp_ns", "truth", "position", "strain")
 
@@ -51,6 +51,7 @@ def test_featureless_sweeps_have_no_contact():
     for sweep in (
         simulate_sweep("none", 1, 0, start=(0.0, 0.0134)),
         simulate_sweep("bump", 1, 0, start=(0.0, 0.0134), end=(0.014, 0.0134)),
+        *simulate_recording("bump", 1, "test", sweeps=4, reach_feature=False).sweeps,
     ):
         assert not sweep.felt.any()
 

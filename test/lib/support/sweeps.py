@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
@@ -64,7 +63,6 @@ class SlidingHand:
     ----------
     probe : a :class:`support.probe.Probe`
     sweep : sweep to publish
-    phalanges : names of the phalanges
     topics : topics of strain and poses
     poses : whether the node under test subscribes to the poses
     """
@@ -73,7 +71,6 @@ class SlidingHand:
         self,
         probe: Any,
         sweep: RecordedSweep,
-        phalanges: tuple[str, ...] = ("index", "middle"),
         topics: tuple[str, str] = ("strain", "palm_pose"),
         *,
         poses: bool = True,
@@ -83,7 +80,7 @@ class SlidingHand:
         from tactile_localizer.msg import StrainVectors
 
         self._Pose, self._Strain = PoseStamped, StrainVectors
-        self._probe, self._phalanges = probe, phalanges
+        self._probe = probe
         self._poses = probe.publisher(PoseStamped, topics[1], 100, timeout_s=60.0) if poses else None
         self._strains = probe.publisher(StrainVectors, topics[0], probe.best_effort)
         self.sweep = sweep
@@ -119,19 +116,11 @@ class SlidingHand:
     def send_strain(self, k: int, **changes: Any) -> None:
         message = self._Strain()
         set_stamp(message, self.offset_ns + int(self.strain_ns[k]))
-        message.phalanges = list(self._phalanges)
-        message.strain = self.sweep.strain[k, : DEFAULT_CHANNELS * len(self._phalanges)].tolist()
-        message.status = [0] * len(self._phalanges)
-        message.sequence = [k] * len(self._phalanges)
+        message.phalanges, message.status, message.sequence = ["index", "middle"], [0, 0], [k, k]
+        message.strain = self.sweep.strain[k].tolist()
         for name, value in changes.items():
             setattr(message, name, value)
         self._strains.publish(message)
-
-    def positions(self) -> np.ndarray:
-        """Palm positions (n-1, 2) at the stamps of the strain, interpolated between the poses."""
-        here, there = self.sweep.position[:-1], self.sweep.position[1:]
-        share = (self.strain_ns[:-1] - self.pose_ns[:-1]) / np.diff(self.pose_ns)
-        return here + share[:, None] * (there - here)
 
     def sample_of(self, message: Any) -> int:
         """Index of the strain vector with the stamp of a message."""
