@@ -121,7 +121,7 @@ class Operator:
         message = self.newest[topic] = deserialize_message(raw, TOPICS[topic])
         if topic == "/diagnostics":
             self.newest |= {status.name: status for status in message.status}
-        if topic in ("/strain", "/filter/posterior"):
+        if topic in ("/strain", "/mapping/status", "/filter/posterior"):
             self._late_s[topic] = 1e-9 * (time.time_ns() - to_ns(message.header.stamp))
         if topic == "/strain":
             self.lost += max(message.sequence[0] - self._sequence - 1, 0) if self._sequence else 0
@@ -169,16 +169,33 @@ class Operator:
         if not getattr(response, "success", True):
             raise LiveError(f"service {service}: {response.message}")
 
-    def sweep(self) -> None:
-        """Let the hand make the sweep that it is prepared for."""
+    def sweep(self, topic: str, kind: Any, begin: str) -> Any:
+        """Let the hand make a sweep, which a node begins by a service.
+
+        Before and after it a node that lags catches up: other motion would be part of its sweep.
+
+        Parameters
+        ----------
+        topic : topic of the node whose stamps are those of the strain that it has received
+        kind, begin : type and name of the service
+
+        Returns
+        -------
+        Message
+            The first of the topic after the sweep.
+        """
+        self.call(Trigger, "simulator/prepare")
+        self.present(topic)
+        self.call(kind, begin)
         self.newest["/simulator/sweep_active"] = Bool(data=True)
         self.call(Trigger, "simulator/sweep")
         self.until(lambda: not self.newest["/simulator/sweep_active"].data, "the end of a sweep")
+        return self.present(topic)
 
-    def estimate(self) -> Posterior:
-        """The first estimate of strain that is measured from now on."""
-        now_ns, topic = time.time_ns(), "/filter/posterior"
-        self.until(lambda: to_ns(self.newest[topic].header.stamp) > now_ns, "an estimate")
+    def present(self, topic: str) -> Any:
+        """The first message stamped with strain that is measured from now on."""
+        now_ns = time.time_ns()
+        self.until(lambda: to_ns(self.newest[topic].header.stamp) > now_ns, f"a present {topic}")
         return self.newest[topic]
 
     def values(self, name: str) -> dict[str, str]:
@@ -245,20 +262,15 @@ def record_session(
         operator.until(lambda: int(operator.values("mapping: scan")["poses"]), "poses in the mapping")
         say(f"scanning: {SCAN_SWEEPS} sweeps, two along each line")
         for _ in range(SCAN_SWEEPS):
-            operator.call(Trigger, "simulator/prepare")
-            operator.call(Trigger, "mapping/start_sweep")
-            operator.sweep()
+            operator.sweep("/mapping/status", Trigger, "mapping/start_sweep")
             operator.call(Trigger, "mapping/end_sweep")
         say("loading the scan")
         nodes.start("filter", received)
-        operator.estimate()
+        operator.present("/filter/posterior")
         operator.call(SetParameters, "simulator/set_parameters", _request(mode="localize"))
         for number in range(1, sweeps + 1):
-            operator.call(Trigger, "simulator/prepare")
-            operator.estimate()  # a filter that lags would count the motion to the start as part of the sweep
-            operator.call(Empty, "filter/reinitialize_global_localization")
-            operator.sweep()
-            say(f"sweep {number:2}: {operator.estimate().reason}")
+            posterior = operator.sweep("/filter/posterior", Empty, "filter/reinitialize_global_localization")
+            say(f"sweep {number:2}: {posterior.reason}")
         drops = (int(operator.values(f"driver: {name}")["drops"]) for name in ("index", "middle"))
         return sum(drops) + operator.lost
 

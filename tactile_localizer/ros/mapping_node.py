@@ -32,7 +32,7 @@ from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
 
 _STATUS_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _COMMIT_PERIOD_S = 0.2
-_STATUS_PERIOD_S = 0.5
+_STATUS_PERIOD_S = 0.2
 
 
 class MappingNode(ManagedNode):
