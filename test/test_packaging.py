@@ -186,6 +186,7 @@ def test_a_wheel_replays_the_shipped_recording_without_extras(installed: Path, t
         ("rosbags", "import bag . --scene bump.yaml -o scan"),
         ("joblib", "tradeoff a.csv --scan scan"),
         ("matplotlib", "replay a.csv --scan scan --plot b.png"),
+        ("distributed", "tradeoff a.csv --scan scan --cluster tcp://a:1"),
         ("rclpy", "demo"),
         ("scipy", "replay a.csv --scan scan"),
     ],

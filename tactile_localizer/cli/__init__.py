@@ -41,6 +41,7 @@ _NEEDED = {
         name: f"pip install {name}, or this package as '.[offline]'"
         for name in ("joblib", "matplotlib", "rosbags")
     },
+    "distributed": "pip install 'dask[distributed]', or this package as '.[cluster]'",
     "rclpy": "source ROS 2; `make demo` makes an environment that has it",
 }
 """Libraries that only some commands need, with what to do where they are absent."""

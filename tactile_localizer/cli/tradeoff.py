@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -71,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"--target-mm: expected a positive number, got {args.target_mm:g}")
     picture = args.output / "tradeoff.png"
     require_picture(picture)
+    if args.cluster is not None:
+        importlib.import_module("distributed")  # refused before the work
     scan, scene = scan_from_arguments(args)
     recording, _ = odometry_from_arguments(args, scene, args.recordings)
     named = [Candidate(Path(name).stem, named_configuration(name)) for name in args.configurations or ()]

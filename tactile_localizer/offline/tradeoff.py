@@ -233,10 +233,8 @@ def _workers(jobs: int, cluster: str | None) -> Iterator[None]:
         with joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1):
             yield
         return
-    try:
-        from distributed import Client
-    except ImportError:
-        raise ParameterError("--cluster: expected dask[distributed], which is not installed") from None
+    from distributed import Client
+
     try:
         client = Client(cluster, timeout=_CLUSTER_TIMEOUT_S)
     except (OSError, ValueError) as error:
