@@ -39,3 +39,13 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         markdown = markdown.replace(f"]({path})", f"](#{name.lower()})")
         markdown += f"\n### {name}\n\n```\n{(ROOT / 'docs' / path).read_text()}```\n"
     return markdown
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Code within text is broken after a slash or an underscore, and not within an option."""
+
+    def breakable(code: re.Match[str]) -> str:
+        text = re.sub(r"(?<=\w[/_])(?=\w)", "<wbr>", code[0])
+        return re.sub(r"--[a-z][a-z-]*", r"<span>\g<0></span>", text)
+
+    return re.sub(r"(?<!<pre>)<code>[^<]*", breakable, html)
