@@ -57,9 +57,9 @@ class SweepMixture:
         self._channels = np.array(layout.counts, dtype=np.float32)[:, None]
         # A product with these rows sums over the channels of each phalanx.
         self._sums = layout.expand(np.eye(layout.phalanges, dtype=np.float32))
-        # Where all components are the same, as on featureless material, the first one is enough. The difference
-        # is as large as the table: once glibc has released that much, it keeps the arrays of an update in the
-        # process, which otherwise take twice as long while the belief is open.
+        # Where all components are the same, as on featureless material, the first one is enough. The
+        # difference is as large as the table: once glibc has released that much, it keeps the arrays of an
+        # update in the process, which otherwise take twice as long while the belief is open.
         tables = strain_map.mean, strain_map.variance
         self._differs = np.any([(each - each[:, :1]).any(axis=(1, 2)) for each in tables], axis=0)
         self.excess = np.zeros(layout.size)
