@@ -59,13 +59,18 @@ def _info(args: argparse.Namespace) -> int:
     return 0
 
 
+def _picture(folder: Path, name: str) -> Path:
+    return folder / f"{name.replace('/', '_')}.png"
+
+
 def _plot(args: argparse.Namespace) -> int:
-    require_picture(args.output / "map.png")
+    folder = ScanFolder(args.scan)
+    for phalanx in folder.scene.phalanx_names:
+        require_picture(_picture(args.output, f"map_{phalanx}"))
     # Importing matplotlib takes a second; no other action needs it.
     from tactile_localizer.offline.figures.tactile_map import scan_figures
 
-    folder = ScanFolder(args.scan)
     figures = scan_figures(folder.load(), folder.scene, folder.recording().sweeps[0].strain_unit)
     for name, figure in figures.items():
-        write_picture(args.output / f"{name.replace('/', '_')}.png", figure)
+        write_picture(_picture(args.output, name), figure)
     return 0

@@ -98,7 +98,6 @@ def test_a_closed_pipe_ends_the_command_quietly() -> None:
         ("replay a.csv --scan none --plot a.png", "a.png: could not be written, Is a directory"),
         ("replay a.csv --scan none --json a.png", "a.png: could not be written, Is a directory"),
         ("tradeoff a.csv --scan none -o file", "file/tradeoff.png: could not be written, Not a directory"),
-        ("scan plot none -o file", "file/map.png: could not be written, Not a directory"),
         ("replay a.csv --scan none --plot b.png", "none: expected a scan folder"),
         ("tradeoff a.csv --scan none --target-mm 0", "--target-mm: expected a positive number, got 0"),
     ],

@@ -61,7 +61,7 @@ def test_names_are_drawn_literally(tmp_path, monkeypatch, capsys):
     record(tmp_path / "scan", Scene("$x_{", SCENE.axes, (Phalanx(finger, (0.0, 0.01)),)), unit="$[/V]")
     assert main(["scan", "plot", "scan", "-o", "out"]) == 0
     assert (tmp_path / "out" / "map_[_index] $\\frac.png").read_bytes().startswith(b"\x89PNG")
-    assert capsys.readouterr().out == "out/map.png\nout/map_[_index] $\\frac.png\n"
+    assert capsys.readouterr().out == "out/map_[_index] $\\frac.png\n"
 
 
 @pytest.mark.parametrize(
@@ -69,6 +69,7 @@ def test_names_are_drawn_literally(tmp_path, monkeypatch, capsys):
     [
         ("info none", "none: expected a scan folder, found none"),
         ("info scan.txt", "scan.txt: expected a scan folder, found none (with"),
+        ("plot bump_scan -o scan.txt", "scan.txt/map_index.png: could not be written, Not a directory"),
         ("plot empty", "empty: expected at least one state-measurement pair"),
     ],
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from matplotlib import colormaps
@@ -27,11 +26,10 @@ MAX_CHANNELS = 48
 
 
 def scan_figures(scan: Scan, scene: Scene, unit: str = "V") -> dict[str, Figure]:
-    """Every figure of a scan, by the name of its file.
+    """A figure ``map_<phalanx>`` for each phalanx of a scan, by the name of its file.
 
-    Over two axes, ``map`` has the paths of the sweeps and two channels that respond differently (paper,
-    Fig. 3 b, c, d), and ``map_<phalanx>`` all channels of a phalanx, or the :data:`MAX_CHANNELS` that vary
-    most, in one colour scale. Over one axis, ``map_<phalanx>`` has every sweep and the map in black.
+    It has all channels of the phalanx, or the :data:`MAX_CHANNELS` that vary most: over one axis, every
+    sweep, and the map in black; over two, the paths of the sweeps, and the map in one colour scale.
 
     Parameters
     ----------
@@ -40,26 +38,14 @@ def scan_figures(scan: Scan, scene: Scene, unit: str = "V") -> dict[str, Figure]
     unit : of the strain
     """
     tactile_map = make_map(scan, scene)
-    if len(tactile_map.axes) == 1:
-        return {f"map_{phalanx}": _profiles(scan, tactile_map, unit, phalanx) for phalanx in scan.phalanges}
-    distinct = _distinct_channels(tactile_map)
-    figures = {"map": _maps(tactile_map, unit, "scan and tactile map", distinct, scan)}
-    for phalanx in scan.phalanges:
-        channels = [(phalanx, channel) for channel in _shown_channels(tactile_map, phalanx)]
-        figures[f"map_{phalanx}"] = _maps(tactile_map, unit, f"strain of phalanx {phalanx}", channels)
-    return figures
+    draw = _profiles if len(tactile_map.axes) == 1 else _maps
+    return {f"map_{phalanx}": draw(scan, tactile_map, unit, phalanx) for phalanx in scan.phalanges}
 
 
-def _maps(
-    tactile_map: TactileMap,
-    unit: str,
-    title: str,
-    channels: Sequence[tuple[str, int]],
-    paths_of: Scan | None = None,
-) -> Figure:
-    """Maps of channels, given by phalanx and index, and before them the paths of a scan's sweeps."""
-    first = 0 if paths_of is None else 1
-    count = first + len(channels)
+def _maps(scan: Scan, tactile_map: TactileMap, unit: str, phalanx: str) -> Figure:
+    """The paths of the sweeps, and the map of each channel of a phalanx."""
+    channels = _shown_channels(tactile_map, phalanx)
+    count = 1 + len(channels)
     columns = min(_COLUMNS, count)
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(2.0 + 3.2 * columns, 1.4 + 3.2 * rows), layout="compressed")
@@ -67,21 +53,21 @@ def _maps(
     for place, plot in enumerate(plots.flat):
         if place >= count:
             plot.set_axis_off()
-        elif paths_of is not None and place == 0:
-            _draw_sweeps(plot, paths_of)
+            continue
+        if place == 0:
+            _draw_sweeps(plot, scan)
         else:
-            phalanx, channel = channels[place - first]
-            colours = _draw_channel(plot, tactile_map, phalanx, channel)
-            plot.set_title(f"{literal(phalanx)}, channel {channel + 1}", fontsize=10)
-        if place < count:
-            plot.set_aspect("auto" if "yaw" in tactile_map.axes else "equal")
-            if place + columns >= count:
-                plot.set_xlabel(axis_label(tactile_map.axes[0]))
-            if place % columns == 0:
-                plot.set_ylabel(axis_label(tactile_map.axes[1]))
+            colours = _draw_channel(plot, tactile_map, phalanx, channels[place - 1])
+            plot.set_title(f"channel {channels[place - 1] + 1}", fontsize=10)
+        plot.set_aspect("auto" if "yaw" in tactile_map.axes else "equal")
+        if place + columns >= count:
+            plot.set_xlabel(axis_label(tactile_map.axes[0]))
+        if place % columns == 0:
+            plot.set_ylabel(axis_label(tactile_map.axes[1]))
     bar = figure.colorbar(colours, ax=plots, extend="both")
     bar.set_label(f"strain minus that\nof featureless material, {literal(unit)}")
-    figure.suptitle(literal(f"{tactile_map.scene.name}: {title}, by the palm's position"))
+    title = f"{tactile_map.scene.name}: strain of phalanx {phalanx}, by the palm's position"
+    figure.suptitle(literal(title))
     return figure
 
 
@@ -129,18 +115,6 @@ def _draw_channel(plot: Axes, tactile_map: TactileMap, phalanx: str, channel: in
         lower, upper = (MM * limit[:2] for limit in limits)
         plot.add_patch(Rectangle(tuple(lower), *(upper - lower), fill=False, linewidth=1.2))
     return mesh
-
-
-def _distinct_channels(tactile_map: TactileMap) -> list[tuple[str, int]]:
-    """The channel that varies most and the one with the largest residual beside it, with their phalanges."""
-    values = tactile_map.values[tactile_map.covered] - tactile_map.background
-    values = values - values.mean(axis=0)
-    first = int(np.argmax(values.std(axis=0)))
-    same = values[:, first] @ values / max(float(values[:, first] @ values[:, first]), 1e-300)
-    second = int(np.argmax((values - np.outer(values[:, first], same)).std(axis=0)))
-    scene = tactile_map.scene
-    places = [scene.layout.place(column) for column in (first, second)]
-    return [(scene.phalanx_names[phalanx], channel - 1) for phalanx, channel in places]
 
 
 def _shown_channels(tactile_map: TactileMap, phalanx: str) -> list[int]:

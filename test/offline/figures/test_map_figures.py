@@ -34,7 +34,7 @@ def meshes(figure):
 
 
 def test_a_scan_over_two_axes_has_a_sheet_for_each_phalanx(scan):
-    assert list(scan_figures(scan, SCENE)) == ["map", "map_index", "map_middle"]
+    assert list(scan_figures(scan, SCENE)) == ["map_index", "map_middle"]
 
 
 def test_all_channels_share_one_symmetric_colour_scale(scan):
@@ -52,19 +52,19 @@ def test_all_channels_share_one_symmetric_colour_scale(scan):
 def test_the_region_is_outlined_in_palm_coordinates(scan):
     scene = Scene("bump", SCENE.axes, SCENE.phalanges, Region((0.02, 0.015), (0.03, 0.035)))
     figure = scan_figures(scan, scene)["map_index"]
-    (box,) = (patch for patch in figure.axes[0].patches if isinstance(patch, Rectangle))
-    np.testing.assert_allclose(
-        box.get_extents().transformed(figure.axes[0].transData.inverted()).extents, [20.0, 5.0, 30.0, 25.0]
-    )
-    drawn = figure.axes[0].get_children()
+    plot = figure.axes[1]  # after the paths of the sweeps
+    (box,) = (patch for patch in plot.patches if isinstance(patch, Rectangle))
+    extents = box.get_extents().transformed(plot.transData.inverted()).extents
+    np.testing.assert_allclose(extents, [20.0, 5.0, 30.0, 25.0])
+    drawn = plot.get_children()
     (mesh,) = (artist for artist in drawn if isinstance(artist, QuadMesh))
     assert drawn.index(box) > drawn.index(mesh), "what is drawn later lies above"
 
 
 def test_axes_have_millimetres(scan):
     figure = scan_figures(scan, SCENE)["map_index"]
-    assert [plot.get_xlabel() for plot in figure.axes[:8]] == 4 * [""] + 4 * ["x, mm"]
-    assert [plot.get_ylabel() for plot in figure.axes[:8]] == 2 * ["y, mm", "", "", ""]
+    assert [plot.get_xlabel() for plot in figure.axes[:9]] == 5 * [""] + 4 * ["x, mm"]
+    assert [plot.get_ylabel() for plot in figure.axes[:9]] == 2 * ["y, mm", "", "", ""] + ["y, mm"]
     np.testing.assert_allclose(figure.axes[0].get_xlim(), (0, 50), atol=0.5)
 
 
