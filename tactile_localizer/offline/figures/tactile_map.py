@@ -18,7 +18,7 @@ from tactile_localizer.scene import Phalanx, Region, Scene
 
 _COLOURS = "RdBu_r"
 _NO_DATA = "0.82"
-_COLUMNS = 4
+_COLUMNS = 5
 """Most plots beside each other."""
 
 MAX_CHANNELS = 48

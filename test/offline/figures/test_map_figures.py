@@ -63,8 +63,8 @@ def test_the_region_is_outlined_in_palm_coordinates(scan):
 
 def test_axes_have_millimetres(scan):
     figure = scan_figures(scan, SCENE)["map_index"]
-    assert [plot.get_xlabel() for plot in figure.axes[:9]] == 5 * [""] + 4 * ["x, mm"]
-    assert [plot.get_ylabel() for plot in figure.axes[:9]] == 2 * ["y, mm", "", "", ""] + ["y, mm"]
+    assert [plot.get_xlabel() for plot in figure.axes[:9]] == 4 * [""] + 5 * ["x, mm"]
+    assert [plot.get_ylabel() for plot in figure.axes[:9]] == ["y, mm", "", "", "", "", "y, mm", "", "", ""]
     np.testing.assert_allclose(figure.axes[0].get_xlim(), (0, 50), atol=0.5)
 
 
