@@ -97,29 +97,23 @@ def drain(buffer):
     return messages
 
 
-def test_in_localize_mode_poses_have_a_constant_offset(start, hand):
+def test_frames_carry_the_strain_of_a_sweep_and_poses_a_constant_offset(start, hand, frames):
     start(mode="localize")
     hand.call("prepare")
+    drain(frames)
     report, poses, truth = hand.do_sweep()
     assert report == "localize: sweep 0"
     n = min(len(poses), len(truth))
     off = np.median(poses[-n:] - truth[-n:], axis=0)
     assert np.max(np.abs(off)) > 0.01
     np.testing.assert_allclose(np.ptp(poses, axis=0)[0], np.ptp(truth, axis=0)[0], atol=4e-3)
-
-
-def test_frames_carry_the_simulated_strain(start, hand, frames):
-    start()
-    hand.call("prepare")
-    drain(frames)
-    hand.do_sweep()
     protocol = LoadCellProtocol(resource_path("config/loadcells.dbc"), ("index", "middle"))
     received = drain(frames)
     assert {protocol.classify(frame)[0] for frame in received} == {FrameKind.DATA}
     others = bytes(protocol.size - 8)
     of_index = [frame for frame in received if protocol.classify(frame)[1] == 0]
-    start_at, end = sweep_plan("train", 0, 1)
-    felt = simulate_sweep("bump", 1, 0, "train", start=start_at, end=end, rate=CELL_HZ).strain[:, :4]
+    start_at, end = sweep_plan("test", 0, 1)
+    felt = simulate_sweep("bump", 1, 0, "test", start=start_at, end=end, rate=CELL_HZ).strain[:, :4]
     sent = np.array([protocol.decode(frame.data + others)[0][:4] for frame in of_index])
     apart = np.max(np.abs(sent[:, None] - felt), axis=2)
     assert np.max(np.min(apart, axis=1)) < 0.02
