@@ -113,7 +113,9 @@ def register(model: SweepModel, points: slice, without: np.ndarray) -> tuple[np.
     travel = np.linalg.norm(np.diff(positions * scale, axis=0, prepend=positions[:1] * scale), axis=1)
     exponent = PITCH / model.information_length
     drift = np.diag(np.square(scene.motion_std * scale))
-    shift, covariance, found = np.zeros(axes), _WRONG_PLACE_M**2 * np.eye(axes), []
+    # A line may be mistaken for another one, but not for one that was not scanned.
+    widths = np.minimum(_WRONG_PLACE_M, np.ptp(tracks.positions, axis=0) * scale / math.sqrt(12.0))
+    shift, covariance, found = np.zeros(axes), np.diag(np.square(np.maximum(widths, step))), []
     for left, gradient, variance, moved in zip(residual, slope.swapaxes(0, 1), spread, travel, strict=True):
         covariance = covariance + moved * drift
         innovation = left - shift @ gradient

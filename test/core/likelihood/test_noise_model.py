@@ -137,6 +137,15 @@ def test_strains_outside_the_region_are_zero() -> None:
     assert (estimate.signal[estimate.tracks.positions[:, 0] < 0.025] == 0.0).all()
 
 
+@pytest.mark.parametrize("times", [1.0, 30.0])
+def test_the_kind_of_a_material_does_not_depend_on_how_noisy_the_sensor_is(times: float) -> None:
+    sheet, rng = bump_scan(SHEET), np.random.default_rng(9)
+    for scan, scene, has_level in ((cloth(), CLOTH, False), (sheet, SHEET, True)):
+        width = np.std(np.diff(scan.strain[:50], n=2, axis=0), axis=0) / np.sqrt(6.0)
+        more = times * width * rng.standard_normal(scan.strain.shape)
+        assert whiten(replace(scan, strain=scan.strain + more), scene).material.has_level == has_level
+
+
 def test_a_touch_down_that_differs_between_sweeps_does_not_inflate_the_noise() -> None:
     scan = cloth()
     start = scan.states[:, 0] < 0.01
