@@ -36,8 +36,11 @@ def requirements(file: str) -> list[str]:
 
 
 def test_a_release_changes_the_version_in_one_place(tmp_path: Path) -> None:
-    for name in ("package.xml", "CHANGELOG.rst"):
-        shutil.copy(ROOT / name, tmp_path)
+    shutil.copy(ROOT / "package.xml", tmp_path)
+    changes = (ROOT / "CHANGELOG.rst").read_text()
+    if "\nForthcoming\n" not in changes:  # this is a release
+        changes = changes.replace("\n\n", "\n\nForthcoming\n-----------\n* A change.\n\n", 1)
+    (tmp_path / "CHANGELOG.rst").write_text(changes)
     shutil.copytree(ROOT / "tactile_localizer", tmp_path / "tactile_localizer")
 
     def run(*command: str) -> str:
@@ -50,11 +53,11 @@ def test_a_release_changes_the_version_in_one_place(tmp_path: Path) -> None:
     run("git", "init", "--quiet")
     run("git", "add", "package.xml", "CHANGELOG.rst")
     run("git", "commit", "--quiet", "--message", "before")
-    run("catkin_prepare_release", "--bump", "major", "--no-push", "--non-interactive")
+    run("catkin_prepare_release", "--version", "9.0.0", "--no-push", "--non-interactive")
     show = "from tactile_localizer import __version__; print(__version__)"
-    assert run(sys.executable, "-c", show) == "1.0.0\n"
-    assert "\n1.0.0 (" in (tmp_path / "CHANGELOG.rst").read_text()
-    assert run("git", "tag") == "1.0.0\n"
+    assert run(sys.executable, "-c", show) == "9.0.0\n"
+    assert "\n9.0.0 (" in (tmp_path / "CHANGELOG.rst").read_text()
+    assert run("git", "tag") == "9.0.0\n"
 
 
 def files_with(text: str) -> set[str]:
