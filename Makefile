@@ -44,7 +44,8 @@ lint: venv ## Check style, types and the direction of imports
 # Only a test that missed a deadline because its processes waited for a CPU is repeated, and reported as such.
 pytest := $(run) python -m pytest --reruns 2 --only-rerun StarvedError --durations=10
 # Tests of nodes spend much of their time waiting, so there are more workers than cores; the longest files come
-# first. Tests that depend on real time (soak, demo, scenarios of several nodes) run last, two at a time.
+# first; beside them runs the kernel with CAN sockets. Tests that depend on real time (soak, demo, scenarios of
+# several nodes) run last, two at a time.
 in_real_time := test/soak test/demo test/integration test/launch
 long := test/regression test/ros test/test_examples.py test/test_packaging.py test/benchmarks test/cli
 others := $(filter-out $(in_real_time) $(long) test/socketcan test/lib test/__pycache__, $(patsubst %/,%,$(wildcard test/*/)) $(wildcard test/test_*.py))
@@ -54,10 +55,13 @@ test: build lint ## Run all checks and tests; ARGS="-k name" runs pytest with th
 ifdef ARGS
 	$(pytest) $(ARGS)
 else
-	$(pytest) --numprocesses 3 --dist loadfile --no-loadscope-reorder $(long) $(others)
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=line test-most test-socketcan
 	$(pytest) --numprocesses 2 --dist load --maxschedchunk 1 $(in_real_time)
-	@$(MAKE) --no-print-directory test-socketcan
 endif
+
+.PHONY: test-most
+test-most: build
+	$(pytest) --numprocesses 3 --dist loadfile --no-loadscope-reorder $(long) $(others)
 
 .PHONY: test-socketcan
 test-socketcan: build ## Test the driver on CAN sockets, in a kernel of its own (Debian, Ubuntu: user-mode-linux)
