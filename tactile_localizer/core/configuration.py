@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tactile_localizer.core.filters.resampling import RESAMPLERS
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR
 from tactile_localizer.errors import ParameterError, did_you_mean
 from tactile_localizer.quantity import is_number, number, whole_number
@@ -17,9 +16,6 @@ SWEEP_MIXTURE = "sweep_mixture"
 """The default model, which learns its noise from the scan (:mod:`.sweep_mixture`)."""
 MODELS = (SWEEP_MIXTURE, "sum_of_gaussians", "gaussian", "gaussian_independent", "featureless")
 FILTERS = ("grid", "particle")
-
-CHOICES = {"filter": FILTERS, "resampling": tuple(RESAMPLERS)}
-"""Allowed values of each name that is a choice."""
 
 RANGES: dict[str, tuple[float, float]] = {
     "particles": (1, 1_000_000),
@@ -50,7 +46,6 @@ class Configuration:
     cell : size of the grid's cells in line spacings of the scan; on one axis cells are 0.5 mm, on three so
         large that there are at most 25,000
     conditional : whether the sum of Gaussians is in conditional form, or in the paper's joint form
-    resampling : scheme (:mod:`.resampling`)
     resample_below : fraction of the particles below which the effective sample size leads to resampling; 1:
         at every update
     random_particles : number of particles replaced by uniformly random ones at every update; 10 in the paper
@@ -73,7 +68,6 @@ class Configuration:
     max_particles: int = 1500
     cell: float = 0.45
     conditional: bool = True
-    resampling: str = "systematic"
     resample_below: float = 0.5
     random_particles: int = 0
     update_distance: float = 0.0005
@@ -86,9 +80,8 @@ class Configuration:
         if self.model not in MODELS and SEPARATOR not in self.model:
             known = ", ".join(MODELS)
             raise ParameterError(f"model {self.model!r}: expected one of {known}, or module:Class")
-        for name, choices in CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise ParameterError(f"{name} {getattr(self, name)!r}: expected one of {', '.join(choices)}")
+        if self.filter not in FILTERS:
+            raise ParameterError(f"filter {self.filter!r}: expected one of {', '.join(FILTERS)}")
         for name, (lower, upper) in RANGES.items():
             number(getattr(self, name), name, lower=lower, upper=upper)
         if self.random_particles and self.filter == "grid":

@@ -159,7 +159,6 @@ def _build_filter(
         scene,
         rng,
         particles=configuration.particles,
-        resampling=configuration.resampling,
         resample_below=configuration.resample_below,
         random_particles=configuration.random_particles,
         max_particles=configuration.max_particles,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tactile_localizer.core.configuration import CHOICES, MODELS, RANGES, Configuration
+from tactile_localizer.core.configuration import FILTERS, MODELS, RANGES, Configuration
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
 from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, SYNCHRONIZATION
 
@@ -19,7 +19,6 @@ _DESCRIPTIONS = {
     "cell": "Resolution of map and grid, in multiples of the distance between sweeps; scenes with one axis "
     "use 0.5 mm instead, with three at most 25,000 cells",
     "conditional": "Conditional form of model sum_of_gaussians; false for the joint form of the paper",
-    "resampling": "Resampling scheme, for filter particle",
     "resample_below": "Resample when the effective sample size falls below this fraction of the number of "
     "particles, for filter particle",
     "random_particles": "Number of particles replaced by uniformly drawn ones at each update, 10 in the "
@@ -42,7 +41,11 @@ LIVE = frozenset(_UNITS) | {"convergence_probability"}
 def _parameter(name: str) -> Parameter:
     """The parameter of a field of the configuration."""
     lower, upper = RANGES.get(name, (None, None))
-    default, unit, choices = getattr(_DEFAULTS, name), _UNITS.get(name, ""), CHOICES.get(name, ())
+    default, unit, choices = (
+        getattr(_DEFAULTS, name),
+        _UNITS.get(name, ""),
+        FILTERS if name == "filter" else (),
+    )
     return Parameter(name, default, _DESCRIPTIONS[name], unit, lower, upper, choices, name in LIVE)
 
 

@@ -19,7 +19,7 @@ from tactile_localizer.core.hypotheses.convergence import State
 pytestmark = pytest.mark.ros
 
 GRID = {"cell": 1.0}
-PARTICLES = {"filter": "particle", "particles": 200, "resampling": "multinomial"}
+PARTICLES = {"filter": "particle", "particles": 200}
 _AT_ONCE = 40
 """Messages sent before the answers are waited for; fewer than a queue holds."""
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.filters.resampling import RESAMPLERS
+from tactile_localizer.core.filters.resampling import systematic
 from tactile_localizer.core.geometry.anchors import Injection
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel, levers
@@ -39,7 +39,6 @@ class ParticleFilter:
     scene : bounds and motion noise; outside the bounds the weight is zero
     rng : the only source of randomness
     particles : how many when the belief has converged; the paper uses 75
-    resampling : one of :data:`~tactile_localizer.core.filters.resampling.RESAMPLERS`
     resample_below : fraction of the particles; resample when the effective sample size is lower; 1: always
     random_particles : replace this many by uniformly random ones at each update, as the paper does (10)
     max_particles : how many while it is wide; ``None``: always ``particles``, as in the paper
@@ -55,7 +54,6 @@ class ParticleFilter:
         scene: Scene,
         rng: np.random.Generator,
         particles: int = 75,
-        resampling: str = "systematic",
         resample_below: float = 0.5,
         random_particles: int = 0,
         max_particles: int | None = None,
@@ -66,7 +64,6 @@ class ParticleFilter:
         self._rng = rng
         self._least, self._most = particles, max(particles, max_particles or particles)
         self._bin = _BIN_M / levers(scene)
-        self._resample = RESAMPLERS[resampling]
         self._resample_below = resample_below
         self._random = random_particles
         self._lower, self._upper, self._wraps = scene.lower, scene.upper, scene.wraps
@@ -167,7 +164,7 @@ class ParticleFilter:
         if enough and len(weights) <= _MAX_SURPLUS * count:
             return
         spread = self._regularization(weights, effective, count)
-        ancestors = self._resample(weights, count, self._rng)
+        ancestors = systematic(weights, count, self._rng)
         jitter = self._rng.standard_normal((count, len(self._lower))) @ spread.T
         self._states = self._reflected(self._states[ancestors] + jitter)
         self._ancestors = self._ancestors[ancestors]

@@ -8,9 +8,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy import stats
 
-from tactile_localizer.core.filters.resampling import RESAMPLERS, representative
+from tactile_localizer.core.filters.resampling import systematic
 
-every_scheme = pytest.mark.parametrize("resample", RESAMPLERS.values(), ids=RESAMPLERS)
 WEIGHTS = st.lists(st.floats(0, 1) | st.just(0.0) | st.floats(0, 1e-300), min_size=1, max_size=50).filter(any)
 
 
@@ -20,11 +19,10 @@ class Fixed:
     def __init__(self, value: float) -> None:
         self.value = value
 
-    def random(self, size=None):
-        return self.value if size is None else np.full(size, self.value)
+    def random(self):
+        return self.value
 
 
-@every_scheme
 @given(
     weights=WEIGHTS,
     count=st.integers(1, 200),
@@ -33,36 +31,30 @@ class Fixed:
 )
 @example([0.0, *np.linspace(0.1, 0.9, 987), 0.0], 1_000_000, 0.0, "f")
 @example([0.0, *np.linspace(0.1, 0.9, 987), 0.0], 1_000_000, math.nextafter(1.0, 0.0), "f")
-def test_ancestors_exist_and_have_weight(resample, weights, count, draw, dtype):
+def test_ancestors_exist_and_have_weight(weights, count, draw, dtype):
     weights = np.array(weights, dtype=dtype)
     weights = weights / weights.sum() if weights.any() else np.eye(1, len(weights), dtype=dtype)[0]
-    ancestors = resample(weights, count, Fixed(draw))
+    ancestors = systematic(weights, count, Fixed(draw))
     assert len(ancestors) == count
     assert (weights[ancestors] > 0).all()
 
 
-@every_scheme
 @pytest.mark.parametrize("total", [1.0, 0.9999, 1.0001, 1e-6, 1e6])
-def test_weights_need_not_sum_to_one_exactly(resample, total):
+def test_weights_need_not_sum_to_one_exactly(total):
     """Sums of float32 weights are off by 1e-7 times their number: no lineage may be cut for that."""
-    ancestors = resample(np.full(8, total / 8), 8000, np.random.default_rng(0))
+    ancestors = systematic(np.full(8, total / 8), 8000, np.random.default_rng(0))
     assert np.bincount(ancestors, minlength=8) == pytest.approx(np.full(8, 1000), abs=150)
 
 
-@every_scheme
 @pytest.mark.parametrize("count", [7, 10])
-def test_resampling_is_unbiased(resample, count):
+def test_resampling_is_unbiased(count):
     """Chi-square over many seeds: the mean number of copies is count times the weight."""
     weights, rounds = np.array([0.02, 0.3, 0.0, 0.08, 0.25, 0.05, 0.3]), 4000
     seeds = map(np.random.default_rng, range(rounds))
-    copies = np.stack([np.bincount(resample(weights, count, rng), minlength=7) for rng in seeds])
+    copies = np.stack([np.bincount(systematic(weights, count, rng), minlength=7) for rng in seeds])
     drawn = weights > 0
     assert (copies[:, ~drawn] == 0).all()
     # Copies of different particles are correlated, so each is tested by itself (Bonferroni over the six).
     error = copies.mean(axis=0)[drawn] - count * weights[drawn]
     spread = np.maximum(copies.std(axis=0)[drawn] / math.sqrt(rounds), 1e-12)
     assert stats.chi2.sf((error / spread) ** 2, df=1).min() > 1e-3 / drawn.sum()
-
-
-def test_a_representative_sample_is_in_proportion_to_the_weights():
-    np.testing.assert_array_equal(representative([0.25, 0.0, 0.5, 0.25], 8), [0, 0, 2, 2, 2, 2, 3, 3])
