@@ -49,7 +49,7 @@ from tactile_localizer.srv import LoadScan
 
 _INPUTS = ("strain", "palm_pose")
 """Topics without which there is no estimate."""
-_WATCH_PERIOD_S = 0.1
+_WATCH_PERIOD_S, _WATCHES_PER_STATUS = 0.1, 10
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,8 @@ class FilterNode(ManagedNode):
         self._inputs.subscribe()
         self.create_subscription(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, 10)
         self.create_service(Empty, "~/reinitialize_global_localization", self._on_reinitialize)
+        self._watches = 0
         self.create_timer(_WATCH_PERIOD_S, self._watch)
-        self._health.publish_each_second(self._statuses)
 
     def _log_counts(self) -> None:
         """Log what became of the strain since the map was loaded."""
@@ -243,6 +243,9 @@ class FilterNode(ManagedNode):
             self.get_logger().warning(f"stale: {self._stale}" if self._stale else "no longer stale")
         if self._stale and not was_stale:
             self._repeat_as_stale()
+        self._watches += 1
+        if self._watches % _WATCHES_PER_STATUS == 0:  # a timer of its own would delay every message
+            self._health.publish(*self._statuses())
 
     def _missing(self) -> str:
         """Why there is no new estimate."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import signal
+import socket
 import threading
 from collections.abc import Callable, Sequence
 
@@ -13,8 +14,6 @@ from rclpy.signals import SignalHandlerOptions
 
 from tactile_localizer.ros.base.exception_guards import one_line
 from tactile_localizer.ros.base.managed_node import ManagedNode
-
-_WAKE_PERIOD_S = 0.2
 
 REJECTED = 2
 """Exit status for an invalid command line or configuration: starting the node again would fail again."""
@@ -60,8 +59,7 @@ def _spin(node: ManagedNode, ended: threading.Event) -> int:
     """Start a node and run its callbacks; returns the exit status."""
     with SingleThreadedExecutor() as executor:
         executor.add_node(node)
-        # A signal does not end a wait of the executor; Python handles it when the executor wakes up.
-        node.create_timer(_WAKE_PERIOD_S, lambda: None)
+        _wake_on_signals(executor)
         if node.parameters["autostart"]:
             started = executor.create_task(node.start())
             while not (started.done() or ended.is_set()):
@@ -74,3 +72,19 @@ def _spin(node: ManagedNode, ended: threading.Event) -> int:
         while not ended.is_set():
             executor.spin_once()
     return 0
+
+
+def _wake_on_signals(executor: SingleThreadedExecutor) -> None:
+    """End the executor's wait at each signal, which Python handles between callbacks only.
+
+    A timer would do that too, but each entity that the executor waits for delays every message.
+    """
+    received, written = socket.socketpair()
+    written.setblocking(False)
+    signal.set_wakeup_fd(written.fileno())
+
+    def wake(keep_open: socket.socket = written) -> None:
+        while received.recv(1):
+            executor.create_task(lambda: None)
+
+    threading.Thread(target=wake, name="signals", daemon=True).start()
