@@ -195,7 +195,7 @@ class Operator:
     def present(self, topic: str) -> Any:
         """The first message stamped with strain that is measured from now on."""
         now_ns = time.time_ns()
-        self.until(lambda: to_ns(self.newest[topic].header.stamp) > now_ns, f"a present {topic}")
+        self.until(lambda: to_ns(self.newest[topic].header.stamp) > now_ns, f"{topic} of the present")
         return self.newest[topic]
 
     def values(self, name: str) -> dict[str, str]:

@@ -180,7 +180,7 @@ def test_a_filter_on_tf_publishes_the_material(node_process: Any, probe: Any, sc
         posterior = converged[stamp_of(transform)]
         k = hand.sample_of(transform)
         palm = [np.interp(hand.strain_ns[k], hand.pose_ns, places) for places in hand.sweep.position.T]
-        expected = palm - posterior.mean
+        expected = np.subtract(palm, posterior.mean)
         place = transform.transform.translation
         np.testing.assert_allclose([place.x, place.y], expected, atol=1e-9)
         assert transform.header.frame_id == "base_link"
