@@ -155,8 +155,9 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
     paused = np.diff(stamps_ns) > 0.2e9
     moved = np.linalg.norm(np.diff(xy(hand.poses[first:]), axis=0), axis=1)
     last = np.flatnonzero(moved)[-1]  # before the end of the sweep
-    # Not in every pause, because poses can be lost on their way to a subscriber that gets no CPU.
-    assert (moved[:last][paused[:last]] == 0.0).any(), "a hand that waits does not move"
+    # It moves 34 µm between two samples, and would move 3 mm in a pause. Not in every pause, because poses
+    # can be lost on their way to a subscriber that gets no CPU.
+    assert np.min(moved[:last][paused[:last]]) < 50e-6, "a hand that waits does not move"
 
 
 def test_a_sweep_is_prepared_excludes_another_and_can_be_made_faster(start, hand, probe):
