@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
-import socket
 import threading
 from collections.abc import Callable, Sequence
 
@@ -79,12 +79,12 @@ def _wake_on_signals(executor: SingleThreadedExecutor) -> None:
 
     A timer would do that too, but each entity that the executor waits for delays every message.
     """
-    received, written = socket.socketpair()
-    written.setblocking(False)
-    signal.set_wakeup_fd(written.fileno())
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    signal.set_wakeup_fd(writer)
 
-    def wake(keep_open: socket.socket = written) -> None:
-        while received.recv(1):
+    def wake() -> None:
+        while os.read(reader, 1):
             executor.create_task(lambda: None)
 
     threading.Thread(target=wake, name="signals", daemon=True).start()

@@ -132,8 +132,7 @@ class EstimatePublisher:
     def __init__(self, node: LifecycleNodeMixin, parameters: Parameters) -> None:
         self._parameters = parameters
         self._frame = parameters["material_frame"]
-        self._message = Posterior()
-        self._message.header.frame_id = self._frame
+        self._message = Posterior(header=Header(frame_id=self._frame))
         # A separate generator: subscribers must not influence the estimates.
         self._rng = np.random.default_rng(0)
         self._displayed_ns, self._period_ns = -math.inf, 0.0
