@@ -121,7 +121,7 @@ class Operator:
         message = self.newest[topic] = deserialize_message(raw, TOPICS[topic])
         if topic == "/diagnostics":
             self.newest |= {status.name: status for status in message.status}
-        if topic in ("/strain", "/mapping/status", "/filter/posterior"):
+        if topic in ("/strain", "/palm_pose", "/mapping/status", "/filter/posterior"):
             self._late_s[topic] = 1e-9 * (time.time_ns() - to_ns(message.header.stamp))
         if topic == "/strain":
             self.lost += max(message.sequence[0] - self._sequence - 1, 0) if self._sequence else 0
@@ -172,7 +172,8 @@ class Operator:
     def sweep(self, topic: str, kind: Any, begin: str) -> Any:
         """Let the hand make a sweep, which a node begins by a service.
 
-        Before and after it a node that lags catches up: other motion would be part of its sweep.
+        Before and after it a node that lags catches up: other motion would be part of its sweep. Afterwards
+        the recording does: while the hand is late, there are more poses than strain.
 
         Parameters
         ----------
@@ -190,6 +191,8 @@ class Operator:
         self.newest["/simulator/sweep_active"] = Bool(data=True)
         self.call(Trigger, "simulator/sweep")
         self.until(lambda: not self.newest["/simulator/sweep_active"].data, "the end of a sweep")
+        for recorded in ("/palm_pose", "/simulator/ground_truth"):
+            self.present(recorded)
         return self.present(topic)
 
     def present(self, topic: str) -> Any:
