@@ -29,12 +29,13 @@ _DIAGONAL_LOADING = 0.05
 _FEATURELESS_STRETCH = 0.2
 """Length of the stretch that varies least, from which the featureless strain of a sweep is taken, as a
 fraction of the sweep."""
-_FAINT = 0.1
-"""Energy of the reproducible signal, in the 0.9 quantile over all places, below which a place is faint. A
-ratio of energies does not depend on how noisy the sensor is."""
-_MOSTLY_FAINT = 1.0 / 3.0
-"""Fraction of faint places above which a material is featureless between features: 0.49 to 0.83 on sheets, at
-most 0.23 on fabrics, also with four times their noise."""
+_FAINT, _UNFELT = 0.1, 0.5
+"""Energy of the reproducible signal below which a place is featureless: in the 0.9 quantile over all places,
+so that a noisy sensor does not make a material featureless; and in variances of the noise, so that a faint
+signal that is felt counts."""
+_MOSTLY_FEATURELESS = 0.4
+"""Fraction of such places above which a material is featureless between features: 0.58 to 0.83 on sheets, at
+most 0.05 on fabrics and 0.23 with four times their noise."""
 _STRETCH = 0.01
 """m over which the energy of the reproducible signal is averaged."""
 BEFORE = 10
@@ -249,11 +250,12 @@ def _offset_variance(offsets: np.ndarray, layout: ChannelLayout) -> np.ndarray:
 
 
 def _is_featureless(whitened: np.ndarray, held_out: HeldOut, layout: ChannelLayout) -> bool:
-    """Whether the signal is concentrated in features: most places have little of what two sweeps share."""
+    """Whether most places are featureless: two sweeps share next to nothing there."""
     expected = held_out.interpolation.best(1).expected(whitened).mean[:, 0]
     # The noise of two sweeps is independent, so it vanishes in the mean of their products.
     energy = layout.mean(_smoothed(whitened[held_out.points] * expected, held_out.slices, _STRETCH))
-    return bool(np.mean(energy < _FAINT * np.quantile(energy, 0.9, axis=0)) > _MOSTLY_FAINT)
+    limit = np.minimum(_FAINT * np.quantile(energy, 0.9, axis=0), _UNFELT)
+    return bool(np.mean(energy < limit) > _MOSTLY_FEATURELESS)
 
 
 def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, memory: float) -> float:
