@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import shlex
 import time
 from pathlib import Path
@@ -37,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     Raises
     ------
     LiveError
-        A node failed, or a frame or a strain vector was lost.
+        A node failed, or a frame, a strain vector or a sweep was lost.
     """
     from tactile_localizer.demo.session import record_session
 
@@ -47,9 +48,15 @@ def run(args: argparse.Namespace) -> int:
         print(f"{time.monotonic() - begun_s:5.1f} s  {text}"[:_WIDTH], flush=True)
 
     lost = record_session(args.feature, args.out, args.seed, args.speed, args.sweeps, say)
-    replay = ["replay", f"{args.out}/bag", "--scan", f"{args.out}/scan", "--plot", f"{args.out}/replay.png"]
+    figures = args.out / "replay.json"
+    replay = ["replay", f"{args.out}/bag", "--scan", f"{args.out}/scan"]
+    replay += ["--plot", f"{args.out}/replay.png", "--json", str(figures)]
     print(f"\n$ tactile-localizer {shlex.join(replay[:4])} \\\n    {shlex.join(replay[4:])}", flush=True)
     status = main(replay)
     if lost:
         raise LiveError(f"expected every frame in the bag, {lost} were lost; the machine is too busy")
+    if (recorded := json.loads(figures.read_text())["summary"]["sweeps"]) != args.sweeps:
+        raise LiveError(
+            f"expected {args.sweeps} sweeps in the bag, found {recorded}; the machine is too busy"
+        )
     return status
