@@ -146,6 +146,12 @@ def test_the_kind_of_a_material_does_not_depend_on_how_noisy_the_sensor_is(times
         assert whiten(replace(scan, strain=scan.strain + more), scene).material.has_level == has_level
 
 
+def test_a_faint_signal_beside_a_strong_one_is_a_signal_where_it_is_felt() -> None:
+    scan = cloth()
+    strain = scan.strain * (1.0 + 20.0 * (np.abs(scan.states - 0.1) < 0.02))
+    assert not whiten(replace(scan, strain=strain), CLOTH).material.has_level
+
+
 def test_a_touch_down_that_differs_between_sweeps_does_not_inflate_the_noise() -> None:
     scan = cloth()
     start = scan.states[:, 0] < 0.01
