@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
 import signal
 import threading
 from collections.abc import Callable, Sequence
@@ -14,6 +13,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from tactile_localizer.ros.base.exception_guards import one_line
 from tactile_localizer.ros.base.managed_node import ManagedNode
+
+_WAKE_PERIOD_S = 0.2
 
 REJECTED = 2
 """Exit status for an invalid command line or configuration: starting the node again would fail again."""
@@ -59,7 +60,8 @@ def _spin(node: ManagedNode, ended: threading.Event) -> int:
     """Start a node and run its callbacks; returns the exit status."""
     with SingleThreadedExecutor() as executor:
         executor.add_node(node)
-        _wake_on_signals(executor)
+        # A signal does not end a wait of the executor; Python handles it when the executor wakes up.
+        node.create_timer(_WAKE_PERIOD_S, lambda: None)
         if node.parameters["autostart"]:
             started = executor.create_task(node.start())
             while not (started.done() or ended.is_set()):
@@ -72,19 +74,3 @@ def _spin(node: ManagedNode, ended: threading.Event) -> int:
         while not ended.is_set():
             executor.spin_once()
     return 0
-
-
-def _wake_on_signals(executor: SingleThreadedExecutor) -> None:
-    """End the executor's wait at each signal, which Python handles between callbacks only.
-
-    A timer would do that too, but each entity that the executor waits for delays every message.
-    """
-    reader, writer = os.pipe()
-    os.set_blocking(writer, False)
-    signal.set_wakeup_fd(writer)
-
-    def wake() -> None:
-        while os.read(reader, 1):
-            executor.create_task(lambda: None)
-
-    threading.Thread(target=wake, name="signals", daemon=True).start()
