@@ -170,7 +170,7 @@ class Operator:
             raise LiveError(f"service {service}: {response.message}")
 
     def sweep(self, topic: str, kind: Any, begin: str) -> Any:
-        """Let the hand make a sweep, which a node begins by a service.
+        """Run one sweep of the simulated hand, after a service call that announces it to a node.
 
         Before and after it a node that lags catches up: other motion would be part of its sweep. Afterwards
         the recording does: while the hand is late, there are more poses than strain.

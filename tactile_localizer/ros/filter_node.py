@@ -244,7 +244,7 @@ class FilterNode(ManagedNode):
         if self._stale and not was_stale:
             self._repeat_as_stale()
         self._watches += 1
-        if self._watches % _WATCHES_PER_STATUS == 0:  # a timer of its own would delay every message
+        if self._watches % _WATCHES_PER_STATUS == 0:  # a second timer would slow the executor down
             self._health.publish(*self._statuses())
 
     def _missing(self) -> str:

@@ -80,7 +80,7 @@ class PalmFrame:
             return np.stack(self._on_axes(frame, *translations.T, *quaternions.T), axis=1)
 
     def _on_axes(self, frame: str, x: Any, y: Any, z: Any, *quaternion: Any) -> list[Any]:
-        """Values on each axis, of one pose or of an array of poses."""
+        """Coordinates of a pose, or of an array of poses, one for each axis."""
         if frame not in self._from:
             known = " or ".join(repr(name) for name in self._from)
             raise MeasurementError(f"palm pose frame {frame!r}: expected {known}")

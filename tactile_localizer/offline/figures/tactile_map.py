@@ -28,8 +28,8 @@ MAX_CHANNELS = 48
 def scan_figures(scan: Scan, scene: Scene, unit: str = "V") -> dict[str, Figure]:
     """A figure ``map_<phalanx>`` for each phalanx of a scan, by the name of its file.
 
-    It has all channels of the phalanx, or the :data:`MAX_CHANNELS` that vary most: over one axis, every
-    sweep, and the map in black; over two, the paths of the sweeps, and the map in one colour scale.
+    It has all channels of the phalanx, or the :data:`MAX_CHANNELS` that vary most. On one axis it shows
+    every sweep, and the map in black; on two, the paths of the sweeps, and the map in one colour scale.
 
     Parameters
     ----------
