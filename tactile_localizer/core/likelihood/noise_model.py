@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter1d
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
 from tactile_localizer.core.likelihood.drift import innovations
-from tactile_localizer.core.likelihood.material import CLOTH, SHEET, Material
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.student_t import scatter
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise, white_noise
 from tactile_localizer.core.scan.interpolation import HeldOut, hold_out
@@ -29,14 +29,7 @@ _DIAGONAL_LOADING = 0.05
 _FEATURELESS_STRETCH = 0.2
 """Length of the stretch that varies least, from which the featureless strain of a sweep is taken, as a
 fraction of the sweep."""
-_FAINT, _UNFELT = 0.1, 0.5
-"""Energy of the reproducible signal below which a place is featureless: in the 0.9 quantile over all places,
-so that a noisy sensor does not make a material featureless; and in variances of the noise, so that a faint
-signal that is felt counts."""
-_MOSTLY_FEATURELESS = 0.4
-"""Fraction of such places above which a material is featureless between features: 0.58 to 0.83 on sheets, at
-most 0.05 on fabrics and 0.23 with four times their noise."""
-_STRETCH = 0.01
+_STRETCH = 0.02
 """m over which the energy of the reproducible signal is averaged."""
 BEFORE = 10
 """Innovations at the beginning of a sweep that are left out, where the trend is hardly known."""
@@ -136,9 +129,10 @@ def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
     level = np.array(flat) @ np.linalg.inv(first).T
     strain = tracks.strain - level[number]
     # Without featureless places an offset cannot be distinguished from a change of place.
-    material, turning, offset_variance = CLOTH, np.zeros(layout.size), np.full(layout.size, np.inf)
-    if held_out is not None and _is_featureless(strain @ first.T, held_out, layout):
-        material, turning = SHEET, _turning(level, tracks)
+    turning, offset_variance = np.zeros(layout.size), np.full(layout.size, np.inf)
+    material = Material.of(_evenness(strain @ first.T, held_out, layout))
+    if material.has_level:
+        turning = _turning(level, tracks)
         level = level - np.outer(_yaws(tracks), turning)
         centre = level.mean(axis=0)
         whitening = _whitening(_differences(strain, held_out, spacing), resolution, layout)
@@ -158,7 +152,7 @@ def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
         offset_variance,
         whitening @ turning,
         white_noise(scan, scene),
-        material.joint_noise,
+        not material.has_level,
     )
     strain = strain @ whitening.T
     if material.has_level:
@@ -249,13 +243,18 @@ def _offset_variance(offsets: np.ndarray, layout: ChannelLayout) -> np.ndarray:
     return np.asarray(0.5 * (variance + layout.expand(layout.mean(variance))))
 
 
-def _is_featureless(whitened: np.ndarray, held_out: HeldOut, layout: ChannelLayout) -> bool:
-    """Whether most places are featureless: two sweeps share next to nothing there."""
+def _evenness(whitened: np.ndarray, held_out: HeldOut | None, layout: ChannelLayout) -> float:
+    """How even the signal is: the median of its energy over all places, in its 0.9 quantile.
+
+    The noise of two sweeps is independent, so it vanishes in the mean of their products, and what is left is
+    the energy of the signal, next to zero between features, but not on a texture. 1 of a single sweep.
+    """
+    if held_out is None:
+        return 1.0
     expected = held_out.interpolation.best(1).expected(whitened).mean[:, 0]
-    # The noise of two sweeps is independent, so it vanishes in the mean of their products.
     energy = layout.mean(_smoothed(whitened[held_out.points] * expected, held_out.slices, _STRETCH))
-    limit = np.minimum(_FAINT * np.quantile(energy, 0.9, axis=0), _UNFELT)
-    return bool(np.mean(energy < limit) > _MOSTLY_FEATURELESS)
+    typical, strong = np.quantile(energy, [0.5, 0.9], axis=0).sum(axis=1)
+    return float(max(typical, 0.0) / max(strong, 1e-300))
 
 
 def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, memory: float) -> float:

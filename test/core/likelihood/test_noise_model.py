@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from support.scans import bump_scan, slides
 
 from tactile_localizer.core.likelihood.drift import innovations
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import whiten
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
@@ -146,10 +147,17 @@ def test_the_kind_of_a_material_does_not_depend_on_how_noisy_the_sensor_is(times
         assert whiten(replace(scan, strain=scan.strain + more), scene).material.has_level == has_level
 
 
-def test_a_faint_signal_beside_a_strong_one_is_a_signal_where_it_is_felt() -> None:
-    scan = cloth()
-    strain = scan.strain * (1.0 + 20.0 * (np.abs(scan.states - 0.1) < 0.02))
-    assert not whiten(replace(scan, strain=strain), CLOTH).material.has_level
+def test_between_a_sheet_and_cloth_nothing_jumps() -> None:
+    """A texture beside a feature, whose strain is so many times as large."""
+    scan, found = cloth(), []
+    for times in (1.0, 2.0, 2.3, 2.6, 3.0, 10.0):
+        strain = scan.strain * np.where(np.abs(scan.states - 0.1) < 0.02, times, 1.0)
+        found.append(whiten(replace(scan, strain=strain), CLOTH).material)
+    assert found[0] == Material(False, np.inf, 0.01, 0.006)
+    assert found[-1] == Material(True, 4.0, np.inf, pytest.approx(0.0017))
+    assert [each.has_level for each in found] == sorted(each.has_level for each in found)
+    lengths = [each.information_length for each in found]
+    assert lengths == sorted(set(lengths), reverse=True)
 
 
 def test_a_touch_down_that_differs_between_sweeps_does_not_inflate_the_noise() -> None:

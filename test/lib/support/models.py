@@ -11,7 +11,7 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.anchors import Injection
-from tactile_localizer.core.likelihood.material import SHEET
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import NoiseModel, WhitenedScan
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise
 from tactile_localizer.core.scan.interpolation import hold_out
@@ -48,7 +48,9 @@ def whitened_scan(scan: Scan, scene: Scene) -> WhitenedScan:
     tracks = Tracks.of(scan, scene)
     spacing, offsets = line_spacing(tracks), np.zeros((len(tracks), scene.layout.size))
     noise, strain = noise_model(scene.layout), tracks.strain
-    return WhitenedScan(tracks, spacing, hold_out(tracks, spacing), SHEET, noise, offsets, strain, strain)
+    return WhitenedScan(
+        tracks, spacing, hold_out(tracks, spacing), Material.of(0.0), noise, offsets, strain, strain
+    )
 
 
 class LinearModel:
