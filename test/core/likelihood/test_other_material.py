@@ -90,6 +90,15 @@ def test_a_strain_in_another_unit_is_other_material_however_uncertain_a_place_of
     assert total > there
 
 
+def test_a_signal_in_a_direction_in_which_the_map_has_none_is_other_material_too() -> None:
+    material, one = OtherMaterial(ChannelLayout((2,)), np.diag([40.0, 0.0]), 1.3), np.ones(1)
+    along, across = (
+        material.update(material.start(), strain, 0.0 * one, one, -1e9 * one, one.astype(bool), EXPONENT)[0]
+        for strain in 30.0 * np.eye(2)
+    )
+    assert across > along - 5.0
+
+
 def test_what_resembles_the_map_is_other_material_of_its_own() -> None:
     """Far from featureless, and less likely in any strength of the signal than where the map expects it."""
     far, start = np.array([60.0, -60.0, 60.0, 20.0]), MATERIAL.start()
