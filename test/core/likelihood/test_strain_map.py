@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from support.models import whitened_scan
 from support.scans import raster, slides
 
+from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.noise_model import whiten
@@ -17,6 +18,7 @@ from tactile_localizer.core.likelihood.strain_map import (
     cell_size,
     fit_variance,
 )
+from tactile_localizer.core.scan.interpolation import Expectation
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import PITCH
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -97,3 +99,11 @@ def test_the_correlation_length_is_recovered() -> None:
 def test_a_single_sweep_has_the_default_variance() -> None:
     scan = repeats(1e-9)
     assert fit_variance(whiten(scan.select(scan.sweep == 0), LINE)) == VarianceModel()
+
+
+def test_where_both_lines_are_featureless_the_map_has_no_noise() -> None:
+    """Otherwise places between lines would be preferred on featureless material."""
+    mean, error = np.array([[[0.0, 0.0, 2.0]]]), np.zeros((1, 1, 3))
+    expected = Expectation(mean, error, np.array([[0.5]]), np.zeros((1, 1)), np.zeros(1))
+    found = VarianceModel(2.0, 0.0, 0.0).variance(expected, ChannelLayout((2, 1)))
+    np.testing.assert_allclose(found, [[[2.0, 2.0 * 1.5]]])
