@@ -130,7 +130,7 @@ def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
     strain = tracks.strain - level[number]
     # Without featureless places an offset cannot be distinguished from a change of place.
     turning, offset_variance = np.zeros(layout.size), np.full(layout.size, np.inf)
-    material = Material.of(_evenness(strain @ first.T, held_out, layout))
+    material = Material.of(_texture_ratio(strain @ first.T, held_out, layout))
     if material.has_level:
         turning = _turning(level, tracks)
         level = level - np.outer(_yaws(tracks), turning)
@@ -243,11 +243,11 @@ def _offset_variance(offsets: np.ndarray, layout: ChannelLayout) -> np.ndarray:
     return np.asarray(0.5 * (variance + layout.expand(layout.mean(variance))))
 
 
-def _evenness(whitened: np.ndarray, held_out: HeldOut | None, layout: ChannelLayout) -> float:
-    """How even the signal is: the median of its energy over all places, in its 0.9 quantile.
+def _texture_ratio(whitened: np.ndarray, held_out: HeldOut | None, layout: ChannelLayout) -> float:
+    """Median of the signal's energy over all places, divided by its 0.9 quantile; 1 for a single sweep.
 
-    The noise of two sweeps is independent, so it vanishes in the mean of their products, and what is left is
-    the energy of the signal, next to zero between features, but not on a texture. 1 of a single sweep.
+    The energy is the product of two sweeps: their noise is independent, so it vanishes in the mean, however
+    noisy the sensor is. Between features it is nearly zero, but not on a texture.
     """
     if held_out is None:
         return 1.0

@@ -147,8 +147,8 @@ def test_the_kind_of_a_material_does_not_depend_on_how_noisy_the_sensor_is(times
         assert whiten(replace(scan, strain=scan.strain + more), scene).material.has_level == has_level
 
 
-def test_between_a_sheet_and_cloth_nothing_jumps() -> None:
-    """A texture beside a feature, whose strain is so many times as large."""
+def test_memory_and_information_length_change_gradually_from_cloth_to_sheet() -> None:
+    """The strain of a feature is larger than that of the texture around it by each factor."""
     scan, found = cloth(), []
     for times in (1.0, 2.0, 2.3, 2.6, 3.0, 10.0):
         strain = scan.strain * np.where(np.abs(scan.states - 0.1) < 0.02, times, 1.0)
