@@ -17,6 +17,8 @@ from tactile_localizer.core.likelihood.student_t import log_density
 _RESEMBLING = 9.0
 """Variance, in variances of a visit, about what is expected, of material that resembles the map: three times
 as far from it. By judgement."""
+_ALIKE = 0.3
+"""Difference of two components, in noise widths of a visit, below which they are one. It saves time."""
 _LARGEST_STRAIN = 1e9
 """Largest whitened strain, at which others are clipped; its square is still a float32."""
 
@@ -47,23 +49,35 @@ class SweepMixture:
     ) -> None:
         self.noise, self.map, self.drift, self.other = noise, strain_map, drift, other
         self.information_length = information_length
-        layout, nodes = noise.layout, len(strain_map.mean)
-        self._nodes, self._components = nodes, strain_map.mean.shape[1]
-        # One component after another: the first is needed for all places, the others for some.
-        self._mean = np.ascontiguousarray(strain_map.mean.swapaxes(0, 1)).reshape(-1, layout.size)
-        variance = np.moveaxis(strain_map.variance, (0, 1, 2), (2, 1, 0))
-        self._variance = np.ascontiguousarray(variance).reshape(layout.phalanges, -1)
-        self._log_prior = np.ascontiguousarray(strain_map.log_prior.T)
+        layout = noise.layout
         self._channels = np.array(layout.counts, dtype=np.float32)[:, None]
         # A product with these rows sums over the channels of each phalanx.
         self._sums = layout.expand(np.eye(layout.phalanges, dtype=np.float32))
-        # Where all components are the same, as on featureless material, the first one is enough. The
-        # difference is as large as the table: once glibc has released that much, it keeps the arrays of an
-        # update in the process, which otherwise take twice as long while the belief is open.
-        tables = strain_map.mean, strain_map.variance
-        self._differs = np.any([(each - each[:, :1]).any(axis=(1, 2)) for each in tables], axis=0)
+        self._counts, self._starts, self._mean, self._variance, self._log_prior = self._distinct(strain_map)
         self.excess = np.zeros(layout.size)
         self._transform: np.ndarray | None = None
+
+    def _distinct(self, strain_map: StrainMap) -> tuple[np.ndarray, ...]:
+        """The components of each node that differ from its first, into which the others are averaged.
+
+        At most nodes no phalanx touches a feature, and all components are alike. Returned are the numbers of
+        components and the first of them, (M,), and of all nodes' components one after another the mean
+        (n, C), the variance (F, n) and the logarithm of the prior (n,).
+        """
+        mean, variance = strain_map.mean.copy(), strain_map.variance.copy()
+        prior = np.exp(strain_map.log_prior)
+        alike = (np.square(mean - mean[:, :1]) @ self._sums.T < _ALIKE**2).all(axis=2)
+        share = prior * alike
+        first = share.sum(axis=1)
+        share /= first[:, None]
+        mean[:, 0] = np.einsum("mk,mkc->mc", share, mean)
+        variance[:, 0] = np.einsum("mk,mkf->mf", share, variance)
+        prior[:, 0] = first
+        kept = ~alike
+        kept[:, 0] = True
+        counts = kept.sum(axis=1)
+        starts = counts.cumsum() - counts
+        return counts, starts, mean[kept], np.ascontiguousarray(variance[kept].T), np.log(prior[kept])
 
     def with_noise(self, excess: np.ndarray) -> SweepMixture:
         """The model of a sweep whose strains have more noise than the scan's, by ``excess`` (C,), V^2.
@@ -122,7 +136,7 @@ class SweepMixture:
     def expected(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Nodes (N,) nearest to places (N, d), and the whitened strain there (N, C), first component."""
         nodes = self.map.nearest(places)
-        return nodes, self._mean.take(nodes, axis=0)
+        return nodes, self._mean.take(self._starts.take(nodes), axis=0)
 
     def off_map(self, innovation: Innovation) -> tuple[np.ndarray, np.ndarray]:
         """Innovation (C,) of a strain from featureless material, and the variance (F,) of its level."""
@@ -151,32 +165,33 @@ class SweepMixture:
         scale : (F,) factor of the variance of a visit in this sweep
         used : (F,) bool, phalanges that count
         """
-        places, gain = len(nodes), np.float32(self.map.gain)
-        # States at which all components are evaluated, the likeliest last.
-        mixed = np.append(self._differs.take(nodes[:states]).nonzero()[0], likeliest)
-        further = self._nodes * np.arange(1, self._components)[:, None]
-        rows = np.concatenate([nodes, (nodes[mixed] + further).ravel()])
+        counts, gain = self._counts.take(nodes), np.float32(self.map.gain)
+        counts[states:] = 1  # reference places: the first component alone
+        ends = counts.cumsum()
+        starts = ends - counts
+        place = np.arange(len(nodes)).repeat(counts)
+        rows = np.arange(len(place)) + (self._starts.take(nodes) - starts).take(place)
         expected = self._mean.take(rows, axis=0)
-        target = innovation.strain.astype(np.float32) + innovation.map_trend
+        strain = innovation.strain.astype(np.float32) + innovation.map_trend
         if self._transform is not None:
-            expected, target = expected @ self._transform.T, target @ self._transform.T
-        residual = np.empty_like(expected)
-        np.subtract(target, expected[:places], out=residual[:places])
-        others = residual[places:].reshape(len(further), len(mixed), len(innovation.strain))
-        np.subtract(target.take(mixed, axis=0), expected[places:].reshape(others.shape), out=others)
+            expected, strain = expected @ self._transform.T, strain @ self._transform.T
+        residual = strain.take(place, axis=0)
+        residual -= expected
         variance = self._variance.take(rows, axis=1)
         variance *= scale.astype(np.float32)[:, None]
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
         projected = gain * np.square(self._sums @ (residual * expected).T)
         gain_variance = gain * (self._sums @ np.square(expected, out=expected).T)
         squared = self._sums @ np.square(residual, out=residual).T
+        log_prior = self._log_prior.take(rows)
+        log_prior[ends[states - 1] :] = 0.0
 
-        plain = log_density(squared, variance, self._channels, projected, gain_variance) * used[:, None]
-        log_prior = self._log_prior.take(nodes[mixed], axis=1)
-        by_component = np.concatenate([plain.take(mixed, axis=1), plain[:, places:]], axis=1)
-        plain[:, mixed] = _mixed(by_component.reshape(len(used), -1, len(mixed)) + log_prior)
-        at_places = plain[:, :places].sum(axis=0, dtype=np.float64)
-        own = np.r_[likeliest, places - 1 + len(mixed) * np.arange(1, self._components)]
+        plain = log_density(squared, variance, self._channels, projected, gain_variance) + log_prior
+        largest = np.maximum.reduceat(plain, starts, axis=1)
+        plain -= largest.take(place, axis=1)
+        odds = np.array([np.bincount(place, each) for each in np.exp(plain, out=plain)])
+        at_places = used @ (largest + np.log(odds))
+        own = slice(starts[likeliest], ends[likeliest])
         resembling = log_density(
             squared[:, own],
             _RESEMBLING * variance[:, own],
@@ -184,12 +199,5 @@ class SweepMixture:
             projected[:, own],
             gain_variance[:, own],
         )
-        resembling = _mixed((resembling + log_prior[:, -1])[..., None])[:, 0].astype(np.float64)
+        resembling = np.logaddexp.reduce(resembling + log_prior[own], axis=1).astype(np.float64)
         return Likelihoods(at_places[:states], at_places[states:], resembling)
-
-
-def _mixed(log_densities: np.ndarray) -> np.ndarray:
-    """Logarithms of the sums over components, (F, K, P) to (F, P)."""
-    largest = log_densities.max(axis=1)
-    log_densities -= largest[:, None]
-    return np.asarray(largest + np.log(np.exp(log_densities, out=log_densities).sum(axis=1)))

@@ -23,6 +23,7 @@ def mixture(counts: tuple[int, ...]) -> SweepMixture:
     rng = np.random.default_rng(0)
     layout, size = ChannelLayout(counts), sum(counts)
     mean = 3.0 * rng.standard_normal((NODES, COMPONENTS, size))
+    mean[:, 1:, 0] = mean[:, :1, 0] + rng.uniform(1.0, 3.0, (NODES, COMPONENTS - 1))
     variance = rng.uniform(1.0, 4.0, (NODES, COMPONENTS, len(counts)))
     prior = np.log(rng.dirichlet(np.ones(COMPONENTS), NODES))
     tables = (table.astype(np.float32) for table in (mean, variance, prior))
@@ -86,6 +87,19 @@ def test_float32_tables_agree_with_direct_evaluation(counts: tuple[int, ...]) ->
         np.testing.assert_allclose(found.states, expected, atol=2e-3)
         np.testing.assert_allclose(found.anchors, first, atol=2e-3)
         np.testing.assert_allclose(found.resembling, direct(model, likeliest, strain, 9.0 * scale), atol=2e-3)
+
+
+def test_components_that_are_alike_are_one() -> None:
+    """Two of three that differ by a tenth of a noise width; the mixture is nearly the same."""
+    model, strain = mixture((3, 5)), np.array([1.0, -2.0, 0.5, 1.5, 0.0, 2.0, -1.0, 1.0])
+    tables = model.map._replace(mean=model.map.mean.copy(), variance=model.map.variance.copy())
+    tables.mean[:, 1] = tables.mean[:, 0] + np.float32(0.03)
+    tables.variance[:, 1] = tables.variance[:, 0]
+    merged = SweepMixture(model.noise, tables, model.drift, model.other, 0.002)
+    found = evaluated(merged, strain, likeliest=7)
+    expected = [direct(merged, node, strain, np.ones(2)) for node in range(NODES)]
+    np.testing.assert_allclose(found.states, np.sum(expected, axis=1), atol=0.1)
+    np.testing.assert_allclose(found.resembling, direct(merged, 7, strain, 9.0 * np.ones(2)), atol=0.05)
 
 
 def test_a_signal_of_another_force_fits_better_than_as_large_a_deviation_in_its_shape() -> None:
