@@ -8,8 +8,8 @@ channels ``<phalanx>_<number>`` (V) and ``felt``, 1 while in contact; without it
 all the way. A localizer is built from ``train`` and tried on the other files, reset at the start of each
 sweep. Their positions are true: it gets their displacements with noise of the scene's ``motion_std``.
 
-A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``--process-noise``,
-``--gauge-noise`` or ``--noisy-channel`` a variant of it, and has
+A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``--gauge-noise``,
+``--noisy-channel`` or ``--texture`` a variant of it, and has
 
 ``error_mm``, ``error_settled_mm``
     mean over the sweeps of the mean error from contact to the feature's end, and from 4 mm after contact, mm
@@ -41,11 +41,12 @@ A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``
 
 ``--passes 1 2`` uses the first and the second half of the training sweeps, a row each; ``both`` is the
 default. ``--lines K`` uses every K-th line. ``--odometry-noise K`` multiplies the noise of the displacements
-and leaves the localizer unaware of it; ``--process-noise K`` multiplies both. ``--gauge-noise FACTOR`` raises
-the white noise of all channels of ``test`` and ``blank`` to that many times its standard deviation in
-``train``, ``--noisy-channel WIDTHS`` adds white noise of so many of them to their first channel. ``--seeds``
-repeats everything with other noise. The file of ``--json`` has ``arguments``, ``rows`` and ``totals``:
-counts summed over all rows, other measures averaged.
+and leaves the localizer unaware of it. ``--gauge-noise FACTOR`` raises the white noise of all channels of
+``test`` and ``blank`` to that many times its standard deviation in ``train``, ``--noisy-channel WIDTHS`` adds
+white noise of so many of them to their first channel. ``--texture WIDTHS`` adds a random texture of so many
+standard deviations of a visit's noise to ``train``, ``test`` and ``blank``, so that no place is blank.
+``--seeds`` repeats everything with other noise. The file of ``--json`` has ``arguments``, ``rows`` and
+``totals``: counts summed over all rows, other measures averaged.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from operator import itemgetter
@@ -79,10 +80,11 @@ from rows import accuracy_parser, measured, print_rows
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
+from tactile_localizer.core.likelihood.noise_model import whiten
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import Recording, scan_of
+from tactile_localizer.io.recording import RecordedSweep, Recording, scan_of
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.odometry import SIMULATED, with_odometry
 from tactile_localizer.offline.replay import ReplayedSweep, replay
@@ -103,17 +105,17 @@ class Variant(NamedTuple):
     passes : one of :data:`PASSES`
     lines : every so many-th line is used
     odometry_noise : factor of the noise of the displacements
-    process_noise : factor of that and of the scene's ``motion_std``
     gauge_noise : factor, at least 1, of the white noise of all channels
     noisy_channel : further white noise of the first channel, in standard deviations of its own
+    texture : of the material, in standard deviations of the noise of a visit
     """
 
     passes: str = "both"
     lines: int = 1
     odometry_noise: float = 1.0
-    process_noise: float = 1.0
     gauge_noise: float = 1.0
     noisy_channel: float = 0.0
+    texture: float = 0.0
 
 
 def load_recording(path: Path, scene: Scene) -> Recording:
@@ -146,13 +148,27 @@ def white_noise_std(recording: Recording) -> np.ndarray:
     return np.nanmedian(deviations, axis=0) / (NORMAL_MEDIAN * np.sqrt(6.0))
 
 
+def with_added(recording: Recording, added: Callable[[RecordedSweep], np.ndarray]) -> Recording:
+    """A recording with strains ``added`` (n, C), V, to those of each sweep."""
+    sweeps = [replace(sweep, strain=sweep.strain + added(sweep)) for sweep in recording.sweeps]
+    return replace(recording, sweeps=tuple(sweeps))
+
+
 def with_white_noise(recording: Recording, std: np.ndarray, rng: np.random.Generator) -> Recording:
     """A recording with white noise of standard deviation ``std`` (C,), V, added to its strains."""
-    sweeps = [
-        replace(sweep, strain=sweep.strain + std * rng.standard_normal(sweep.strain.shape))
-        for sweep in recording.sweeps
-    ]
-    return replace(recording, sweeps=tuple(sweeps))
+    return with_added(recording, lambda sweep: std * rng.standard_normal(sweep.strain.shape))
+
+
+def with_texture(recording: Recording, std: np.ndarray) -> Recording:
+    """A recording of textured material: random waves of standard deviation ``std`` (C,), V.
+
+    Their autocorrelation is Gaussian, with a standard deviation of 3 mm.
+    """
+    rng, count = np.random.default_rng(3), 400
+    vectors = rng.standard_normal((count, recording.sweeps[0].position.shape[1])) / 0.003
+    phases = rng.uniform(0.0, 2.0 * np.pi, count)
+    heights = std * rng.standard_normal((count, len(std))) * np.sqrt(2.0 / count)
+    return with_added(recording, lambda sweep: np.cos(sweep.position @ vectors.T + phases) @ heights)
 
 
 def line_numbers(means: np.ndarray) -> np.ndarray:
@@ -183,12 +199,11 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
     train, test = files["train"], files["test"]
     if train is None or test is None:
         raise ScanError(f"{folder}: expected train.csv[.gz] and test.csv[.gz]")
-    axes = tuple(replace(axis, motion_std=variant.process_noise * axis.motion_std) for axis in scene.axes)
-    scene = replace(scene, axes=axes)
     trained = with_passes(load_recording(train, scene), variant.passes, variant.lines)
     added = white_noise_std(trained) * np.sqrt(variant.gauge_noise**2 - 1.0)
     added[0] = np.hypot(added[0], variant.noisy_channel * white_noise_std(trained)[0])
-    scan = scan_of(trained, scene)
+    visit_std = np.sqrt(whiten(scan_of(trained, scene), scene).noise.variance)
+    scan = scan_of(with_texture(trained, variant.texture * visit_std), scene)
     began = time.process_time()
     calibration = learn(scan, scene)
     learning_s = time.process_time() - began
@@ -196,8 +211,8 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         scan, scene, configuration, np.random.default_rng(seed), calibration=calibration
     )
 
-    def replayed(path: Path, strain_std: np.ndarray) -> list[ReplayedSweep]:
-        recording = load_recording(path, scene)
+    def replayed(path: Path, strain_std: np.ndarray, texture: float = 0.0) -> list[ReplayedSweep]:
+        recording = with_texture(load_recording(path, scene), texture * visit_std)
         noisy = with_white_noise(recording, strain_std, np.random.default_rng([seed, 2]))
         return localize(localizer, noisy, variant.odometry_noise, seed)
 
@@ -208,15 +223,16 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
     def on_foreign(sweeps: Sequence[ReplayedSweep]) -> Row:
         return dict(zip(("foreign_strains", "foreign_sweeps"), on_unscanned(sweeps), strict=True))
 
-    sweeps = replayed(test, added)
+    sweeps = replayed(test, added, variant.texture)
     memory = localizer.model.drift.memory
     row: Row = {
         "folder": folder.name,
         "passes": variant.passes,
         "lines": variant.lines,
-        "noise": variant.odometry_noise * variant.process_noise,
+        "noise": variant.odometry_noise,
         "gauge": variant.gauge_noise,
         "channel": variant.noisy_channel,
+        "texture": variant.texture,
         "seed": seed,
         "sweeps": len(sweeps),
         **measures(sweeps),
@@ -229,7 +245,7 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         "standard_errors": standard_errors(measures, sweeps),
     }
     if files["blank"] is not None:
-        row["false_blank"] = ever_converged(replayed(files["blank"], added))
+        row["false_blank"] = ever_converged(replayed(files["blank"], added, variant.texture))
     others = [replayed(path, 0.0 * added) for path in sorted(folder.glob("foreign_*.csv*"))]
     if foreign := [sweep for recording in others for sweep in recording]:
         row |= on_foreign(foreign)
@@ -257,7 +273,7 @@ def learned_values(values: Mapping[str, Any]) -> Row:
     }
 
 
-_NAMES = ("folder", "passes", "lines", "noise", "gauge", "channel", "seed")
+_NAMES = ("folder", "passes", "lines", "noise", "gauge", "channel", "texture", "seed")
 
 
 def totals(rows: Sequence[Row]) -> list[Row]:
@@ -281,9 +297,9 @@ def main() -> None:
     parser.add_argument("--passes", nargs="+", choices=PASSES, default=["both"])
     parser.add_argument("--lines", type=int, nargs="+", default=[1], metavar="K", help="every K-th line")
     parser.add_argument("--odometry-noise", type=float, nargs="+", default=[1.0], metavar="K")
-    parser.add_argument("--process-noise", type=float, nargs="+", default=[1.0], metavar="K")
     parser.add_argument("--gauge-noise", type=float, nargs="+", default=[1.0], metavar="FACTOR")
     parser.add_argument("--noisy-channel", type=float, nargs="+", default=[0.0], metavar="WIDTHS")
+    parser.add_argument("--texture", type=float, nargs="+", default=[0.0], metavar="WIDTHS")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1], help="of the noise")
     given = parser.parse_args()
     if min(given.gauge_noise) < 1.0:

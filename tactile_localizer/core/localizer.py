@@ -19,7 +19,7 @@ from tactile_localizer.core.hypotheses.convergence import (
     State,
     probability_within,
 )
-from tactile_localizer.core.hypotheses.explanations import AWAY, Explanations
+from tactile_localizer.core.hypotheses.explanations import ELSEWHERE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
@@ -35,10 +35,6 @@ UPDATE_PERIOD_NS = 8_000_000
 passes an update distance with every strain; an update for each would take longer than they take to come."""
 ENERGY_MEMORY = 0.025
 """m over which the energy of a sweep on featureless material is averaged. By judgement."""
-_LARGEST_SCALE = 4.0
-"""Largest factor of the variance of a visit in a sweep: another squeezing force, other slack."""
-_LARGEST_EXCESS = 100.0
-"""Largest noise of a channel above the scan's, in variances of a visit; more is another sensor or unit."""
 _CHANGED = 0.2
 """Relative change of the noise of a channel from which strains are whitened anew."""
 _SILENT = 1e9
@@ -276,7 +272,7 @@ class Localizer:
         belief = self.filter.update(exponent * position)
         weights = self.filter.weights()
         tracked = log_sum(prediction.log_weights + exponent * likelihoods.states) / exponent
-        far = self._motion.travels(self._anchors.states - belief.mean) > AWAY
+        far = self._motion.travels(self._anchors.states - belief.mean) > ELSEWHERE
         material = min(1.0, stretch / self._presence_length)
         explanations = sweep.explanations.update(
             stretch,
@@ -294,7 +290,7 @@ class Localizer:
     def _with_noise(self, model: SweepMixture, used: np.ndarray) -> SweepMixture:
         """The model for the noise of the sweep: that of before, or a new one where it changed by a fifth."""
         usual = self.model.noise.variance
-        excess = np.minimum(self._noise.excess(self._update_distance), _LARGEST_EXCESS * usual)
+        excess = np.minimum(self._noise.excess(self._update_distance), _SILENT * usual)
         if self.model.noise.joint:
             # All channels are whitened together: a phalanx that does not count is one that is all noise.
             excess = np.where(self.scene.layout.expand(used), excess, _SILENT * usual)
@@ -304,7 +300,7 @@ class Localizer:
     def _scale(self, before: np.ndarray, energy: np.ndarray, travel: float) -> tuple[np.ndarray, np.ndarray]:
         """Mean energy (F,) of the sweep off the map, and the factor (F,) of the variance that it shows."""
         mean = before + min(1.0, travel / ENERGY_MEMORY) * (energy - before)
-        return mean, (mean / self._quiet_energy).clip(1.0, _LARGEST_SCALE)
+        return mean, np.maximum(mean / self._quiet_energy, 1.0)
 
     def _predict(self, displacement: np.ndarray, travel: float) -> tuple[Prediction, _Sweep]:
         """The predicted belief, and what is known of the sweep along its trajectories."""

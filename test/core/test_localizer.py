@@ -11,7 +11,7 @@ from support.scans import bump_scan, line_scan, scene, strain_at
 from tactile_localizer.core.calibration.held_out import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.hypotheses.explanations import AWAY
+from tactile_localizer.core.hypotheses.explanations import ELSEWHERE
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.localizer import ENERGY_MEMORY
 from tactile_localizer.errors import MeasurementError
@@ -175,7 +175,7 @@ def test_a_hand_put_down_elsewhere_is_soon_converged_there_and_not_before(locali
 def test_a_hand_near_the_estimate_is_tracked_and_not_relocated():
     localizer = build()
     *_, (_, estimate) = slide(localizer)
-    near = np.linalg.norm(localizer._anchors.states - estimate.mean, axis=1) < 0.8 * AWAY
+    near = np.linalg.norm(localizer._anchors.states - estimate.mean, axis=1) < 0.8 * ELSEWHERE
     assert near.sum() > 10
     assert not np.exp(localizer.explanations.elsewhere)[near].any()
 
@@ -200,9 +200,9 @@ def test_the_flag_includes_the_registration_error(std):
     assert estimate.converged == (near > Configuration().convergence_probability)
 
 
-def test_a_sweep_that_deviates_more_than_the_scan_widens_a_visit_up_to_four_times(localizer):
+def test_a_sweep_that_deviates_more_than_the_scan_widens_a_visit_by_as_much(localizer):
     quiet = localizer._quiet_energy
-    for energy, factor in ((0.1, 1.0), (3.0, 3.0), (1e3, 4.0)):
+    for energy, factor in ((0.1, 1.0), (3.0, 3.0), (50.0, 50.0)):
         _, scale = localizer._scale(quiet, energy * quiet, ENERGY_MEMORY)
         np.testing.assert_allclose(scale, factor)
     mean, _ = localizer._scale(quiet, 3.0 * quiet, 0.5 * ENERGY_MEMORY)

@@ -28,17 +28,16 @@ class ConvergenceCriteria:
     Parameters
     ----------
     radius : (d,) m (yaw: rad) about the estimate within which the hand has to be
-    probability : that it is on the map and there, above which the position has converged
+    probability : that it is on the map and there, above which the position has converged; that of other
+        material, above which nothing on the map is searched for
     sustain : m of travel over which this must hold
     release : probability below which a converged position is lost: it is more probably wrong
-    unknown : probability of unknown material above which nothing on the map is searched for
     """
 
     radius: np.ndarray
     probability: float = 0.97
     sustain: float = 0.001
     release: float = 0.5
-    unknown: float = 0.95
 
 
 def probability_within(
@@ -117,7 +116,7 @@ class Convergence:
             if self.probability < criteria.release:
                 self.state = State.LOST
         elif self.state is not State.LOST or holds:
-            self.state = State.UNKNOWN if unknown > criteria.unknown else State.SEARCHING
+            self.state = State.UNKNOWN if unknown > criteria.probability else State.SEARCHING
         self.reason = self._explain(near, on_map, holds)
 
     def _explain(self, near: float, on_map: float, holds: bool) -> str:

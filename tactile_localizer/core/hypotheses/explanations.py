@@ -18,13 +18,9 @@ judgement."""
 RETURN_RATE = 3.0
 """Rate at which a hand on other material is back where it was tracked, per metre of travel: patches of other
 material, a hem or a label, are some 0.3 m long. By judgement."""
-RELOCATION_TRAVEL = 0.01
-"""Least travel over which a place elsewhere must explain the strain better, m. By judgement."""
-AWAY = 0.01
-"""Distance from the estimate beyond which an anchor is elsewhere, m. By judgement."""
-_SPLIT = 0.5
-"""Ratio of the probabilities of *relocated* and *tracked* above which the filter takes in the belief of a
-relocated hand, which moves the mean. By judgement."""
+ELSEWHERE = 0.01
+"""Distance from the estimate beyond which an anchor is elsewhere, and least travel over which it must explain
+the strain better, m. By judgement."""
 
 
 class Explanations(NamedTuple):
@@ -55,9 +51,11 @@ class Explanations(NamedTuple):
 
     @property
     def injection(self) -> float:
-        """Fraction of the filter's belief to be replaced by that of a relocated hand, mostly zero."""
-        ratio = self.relocated / max(self.tracked, 1e-300)
-        return ratio / (1.0 + ratio) if ratio > _SPLIT else 0.0
+        """Fraction of the filter's belief to be replaced by that of a relocated hand.
+
+        It moves the mean, so it is zero while the hand is more probably where it was tracked.
+        """
+        return self.relocated / self.on_map if self.relocated > self.tracked else 0.0
 
     def predict(self, travel: float, left: float) -> Explanations:
         """After ``travel`` metres, during which the fraction ``left`` of the belief moved beyond the bounds.
@@ -94,8 +92,8 @@ class Explanations(NamedTuple):
         """
         elsewhere, relocated = normalize(self.elsewhere + elsewhere)
         # What a finger brushes over a few millimetres is no reason to give up what explains it so far.
-        against = -math.log(RELOCATION_RATE * RELOCATION_TRAVEL)
-        relocated = min(relocated, max(other, 0.0) + against * travel / RELOCATION_TRAVEL)
+        against = -math.log(RELOCATION_RATE * ELSEWHERE)
+        relocated = min(relocated, max(other, 0.0) + against * travel / ELSEWHERE)
         logs = np.array([_log(self.tracked), _log(self.relocated) + relocated, _log(self.other) + other])
         tracked, relocated, other = np.exp(normalize(logs)[0]).tolist()
         return Explanations(tracked, relocated, other, elsewhere)

@@ -8,19 +8,19 @@ import numpy as np
 from scipy.special import gammaln
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
 
 FLOOR = 0.01
 """Weight of the background in a mixture with a model, relative to the model."""
-_DEGREES_OF_FREEDOM = 3.0
 _SPREAD = 2.0
 
 
 class Background:
     """Wide Student-t density over the strain of each phalanx, independent of the state.
 
-    It is centred on the scan's mean, with twice its spread and three degrees of freedom. Its heavy tails fall
-    slowly even a million sigma away, so that an outlier is explained by the background equally at every
-    state and does not change the belief.
+    It is centred on the scan's mean, with twice its spread. Its heavy tails fall slowly even a million sigma
+    away, so that an outlier is explained by the background equally at every state and does not change the
+    belief.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Background:
         self.layout = layout
         self._mean = strain.mean(axis=0)
         self._scale = _SPREAD * np.hypot(strain.std(axis=0), strain_std)
-        nu = _DEGREES_OF_FREEDOM
+        nu = DEGREES_OF_FREEDOM
         channels = layout.widths
         self._halves = (nu + channels) / 2
         constant = gammaln(self._halves) - math.lgamma(nu / 2) - channels / 2 * math.log(nu * math.pi)
@@ -42,7 +42,7 @@ class Background:
     def log_density(self, strain: np.ndarray, present: np.ndarray) -> float:
         """Log-density of a strain (C,), V, zero for absent phalanges, of those ``present`` (F,) bool."""
         squared = self.layout.sum(((strain - self._mean) / self._scale) ** 2)
-        log_densities = self._constants - self._halves * np.log1p(squared / _DEGREES_OF_FREEDOM)
+        log_densities = self._constants - self._halves * np.log1p(squared / DEGREES_OF_FREEDOM)
         return float(log_densities[present].sum())
 
     def mixed(self, log_density: np.ndarray, strain: np.ndarray, present: np.ndarray) -> np.ndarray:

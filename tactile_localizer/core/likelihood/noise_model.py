@@ -34,7 +34,7 @@ _STRETCH = 0.02
 BEFORE = 10
 """Innovations at the beginning of a sweep that are left out, where the trend is hardly known."""
 _LONGEST = 4.0
-"""Length at which an innovation is shortened, in median lengths: one absurd strain does not count."""
+"""Length at which a deviation is shortened, in median lengths: one absurd strain does not count."""
 _SMOOTHING = 0.002
 """m over which the energy of a deviation is averaged."""
 
@@ -268,7 +268,7 @@ def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, memory:
     product = energy = 0.0
     for own in held_out.slices:
         felt, there = (
-            _bounded(innovations(each[own], memory, PITCH, robust=True)[BEFORE:])
+            bounded(innovations(each[own], memory, PITCH, robust=True)[BEFORE:])
             for each in (strain[held_out.points], expected)
         )
         product += float(np.sum(felt * there))
@@ -276,7 +276,7 @@ def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, memory:
     return min(max(product / energy, 0.0), 1.0) if energy > 0.0 else 1.0
 
 
-def _bounded(values: np.ndarray) -> np.ndarray:
+def bounded(values: np.ndarray) -> np.ndarray:
     """Vectors (n, C), shortened to :data:`_LONGEST` times their median length."""
     length = np.linalg.norm(values, axis=1, keepdims=True)
     longest = _LONGEST * np.median(length) if len(length) else 0.0

@@ -12,7 +12,7 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.drift import innovations
-from tactile_localizer.core.likelihood.noise_model import BEFORE, WhitenedScan
+from tactile_localizer.core.likelihood.noise_model import BEFORE, WhitenedScan, bounded
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
 from tactile_localizer.core.scan.interpolation import Expectation, interpolate, tiles
 from tactile_localizer.core.scan.tracks import PITCH
@@ -229,7 +229,7 @@ def summed_correlation(series: Sequence[np.ndarray], otherwise: float) -> float:
     lags = round(_LONGEST_CORRELATION / PITCH)
     products, counts = np.zeros(lags), np.zeros(lags)
     for each in series:
-        values = _bounded(each)
+        values = bounded(each - np.median(each, axis=0))
         for lag in range(min(lags, len(values) // 2)):
             products[lag] += float(np.sum(values[: len(values) - lag] * values[lag:]))
             counts[lag] += values[lag:].size
@@ -241,10 +241,3 @@ def summed_correlation(series: Sequence[np.ndarray], otherwise: float) -> float:
     below = np.flatnonzero(correlation < 0.05)
     end = int(below[0]) if len(below) else lags
     return PITCH * (1.0 + 2.0 * float(correlation[1:end].sum()))
-
-
-def _bounded(values: np.ndarray) -> np.ndarray:
-    """Deviations (n, C) from the median of each channel, clipped at four robust standard deviations."""
-    deviation = values - np.median(values, axis=0)
-    width = 4.0 * 1.4826 * np.median(np.abs(deviation), axis=0)
-    return np.clip(deviation, -width, width)

@@ -18,9 +18,8 @@ _LAGS = 1, 2, 4, 8
 more of the signal is in it."""
 _BOUND, _MEAN = 4.0, 0.9205
 """Bound of a squared difference in variances, and the mean of bounded ones of a normal distribution."""
-_PRIOR, _MEMORY = 20, 50
-"""Strains that the scan's noise counts as at the start of a sweep, and over which the noise is averaged. By
-judgement."""
+_MEMORY = 50
+"""Strains over which the noise of a sweep is averaged. By judgement."""
 _MOST = 20_000
 """Differences from which the noise of a scan is measured."""
 
@@ -89,7 +88,6 @@ class SweepNoise:
         """Begin a sweep: its noise is that of the scan."""
         self._variance = self._scan.variance[0] + 1e-300
         self._spacing = self._scan.spacing[0]
-        self._count = 0
         self._last: np.ndarray | None = None
         self._step: np.ndarray | None = None
         self._present = b""
@@ -100,12 +98,10 @@ class SweepNoise:
             self._present, self._last, self._step = present.tobytes(), None, None
         step = None if self._last is None else strain - self._last
         if step is not None and self._step is not None:
-            self._count += 1
-            gain = 1.0 / min(_PRIOR + self._count, _MEMORY)
             squares = np.square(step - self._step) / (6.0 * self._variance)
-            change = gain * (np.minimum(squares, _BOUND) - _MEAN)
+            change = (np.minimum(squares, _BOUND) - _MEAN) / _MEMORY
             self._variance = self._variance * (1.0 + change * present)
-            self._spacing += gain * (travel - self._spacing)
+            self._spacing += (travel - self._spacing) / _MEMORY
         self._last, self._step = strain, step
 
     def excess(self, pitch: float) -> np.ndarray:

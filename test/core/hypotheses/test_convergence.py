@@ -38,7 +38,8 @@ def after(*updates: tuple[float, float, float], travel: float = 0.001) -> Conver
         ([HOLDS, HOLDS, FAR, HOLDS, HOLDS], State.CONVERGED, "converged"),
         ([FAR], State.SEARCHING, "not converged: the position is within the radius with probability 0.10"),
         ([(1.0, 0.7, 0.2)], State.SEARCHING, "not converged: the map explains what is felt with probability"),
-        ([(1.0, 0.02, 0.98)], State.UNKNOWN, "unknown material: the map explains what is felt with"),
+        ([(1.0, 0.02, 0.98)], State.SEARCHING, "not converged: the map explains what is felt with"),
+        ([(1.0, 0.005, 0.995)], State.UNKNOWN, "unknown material: the map explains what is felt with"),
         ([(1.0, 0.01, 0.5)], State.SEARCHING, "not converged"),  # featureless material is not unknown
     ],
 )

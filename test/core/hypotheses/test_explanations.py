@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.hypotheses.explanations import LEAST_OTHER, RELOCATION_TRAVEL, Explanations
+from tactile_localizer.core.hypotheses.explanations import ELSEWHERE, LEAST_OTHER, Explanations
 
 PLACES, PITCH = 20, 0.0005
 IMPOSSIBLE = -math.inf
@@ -68,7 +68,7 @@ def test_another_place_gains_on_other_material_that_explains_less() -> None:
 def test_it_takes_a_centimetre_however_much_better_the_other_place_is(nats: float, places: int) -> None:
     """What a finger brushes over is no reason to give a place up."""
     _, travel = relocated(nats, places)
-    assert RELOCATION_TRAVEL <= travel <= 1.3 * RELOCATION_TRAVEL
+    assert ELSEWHERE <= travel <= 1.3 * ELSEWHERE
 
 
 def test_of_a_place_near_the_estimate_no_hand_is_relocated() -> None:

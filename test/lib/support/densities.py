@@ -16,7 +16,7 @@ def background(strain: np.ndarray, strain_std: np.ndarray | float) -> list[stats
     scale = 2.0 * np.hypot(strain.std(axis=0), strain_std)
     mean = strain.mean(axis=0)
     return [
-        stats.multivariate_t(mean[i : i + 8], np.diag(scale[i : i + 8] ** 2), df=3)
+        stats.multivariate_t(mean[i : i + 8], np.diag(scale[i : i + 8] ** 2), df=8)
         for i in range(0, strain.shape[1], 8)
     ]
 
