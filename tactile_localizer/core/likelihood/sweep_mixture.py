@@ -64,20 +64,21 @@ class SweepMixture:
         components and the first of them, (M,), and of all nodes' components one after another the mean
         (n, C), the variance (F, n) and the logarithm of the prior (n,).
         """
-        mean, variance = strain_map.mean.copy(), strain_map.variance.copy()
-        prior = np.exp(strain_map.log_prior)
+        mean, variance, log_prior = (
+            each.copy() for each in (strain_map.mean, strain_map.variance, strain_map.log_prior)
+        )
         alike = (np.square(mean - mean[:, :1]) @ self._sums.T < _ALIKE**2).all(axis=2)
-        share = prior * alike
+        share = np.exp(log_prior) * alike
         first = share.sum(axis=1)
         share /= first[:, None]
         mean[:, 0] = np.einsum("mk,mkc->mc", share, mean)
         variance[:, 0] = np.einsum("mk,mkf->mf", share, variance)
-        prior[:, 0] = first
+        log_prior[:, 0] = np.log(first)
         kept = ~alike
         kept[:, 0] = True
         counts = kept.sum(axis=1)
         starts = counts.cumsum() - counts
-        return counts, starts, mean[kept], np.ascontiguousarray(variance[kept].T), np.log(prior[kept])
+        return counts, starts, mean[kept], np.ascontiguousarray(variance[kept].T), log_prior[kept]
 
     def with_noise(self, excess: np.ndarray) -> SweepMixture:
         """The model of a sweep whose strains have more noise than the scan's, by ``excess`` (C,), V^2.
