@@ -29,17 +29,15 @@ _MAX_HELD_OUT_SWEEPS = 24
 """Sweeps that are held out."""
 _LONGEST = round(0.2 / PITCH)
 """Points of a sweep that are registered: of a sheet of 2 m one part."""
-_PRIOR_STD = PITCH
-_PRIOR_ERRORS = 5.0
-"""Prior of the registration error, m, and the number of independent errors it counts as. By judgement."""
+_PRIOR_STD, _PRIOR_YAW_STD, _PRIOR_ERRORS = 0.0015, 0.025, 5.0
+"""Prior of the registration error, m and rad, and the number of independent errors it counts as: later sweeps
+move more than those of a scan. By judgement."""
 _WRONG_PLACE_M = 0.02
 """m: standard deviation of a shift before contact, and the uncertainty from which it is not known."""
 _SURROUNDINGS = 0.05
 """m around a scan in which a hand is localized."""
 _BEYOND = 0.001
 """m beyond a scan that a hand is still on the map, as its position has errors."""
-_ERRORS = 1.4
-"""Standard errors by which the registration error is enlarged. By judgement."""
 _ITERATIONS = 50
 
 
@@ -152,17 +150,18 @@ def registration_std(found: Sequence[tuple[np.ndarray, np.ndarray]], scene: Scen
     """Standard deviation (d,), m, of the registration error, from the shifts (n, d) of sweeps.
 
     EM over the errors (Laird and Ware, 1982), which have t-distributions: some sweeps are mistaken for
-    another place. A sweep counts as one error, whatever its length. The result is enlarged by
-    :data:`_ERRORS` standard errors: test sweeps move more than those of a scan.
+    another place. A sweep counts as one error, whatever its length.
     """
+    turns = np.array(scene.axis_names) == "yaw"
+    prior = np.where(turns, _PRIOR_YAW_STD, _PRIOR_STD) * levers(scene)
     if not found:
-        return np.full(scene.dimension, _PRIOR_STD)
+        return prior
     shift, variance = (np.concatenate(each) for each in zip(*found, strict=True))
     weights = np.concatenate([np.full((len(each), 1), 1.0 / len(each)) for each, _ in found])
-    count, error = _PRIOR_ERRORS + len(found), np.full(scene.dimension, _PRIOR_STD**2)
+    count, error = _PRIOR_ERRORS + len(found), prior**2
     for _ in range(_ITERATIONS):
         total = error + variance
         tails = (DEGREES_OF_FREEDOM + 1.0) / (DEGREES_OF_FREEDOM + shift**2 / total)
         squares = weights * (tails * (error / total * shift) ** 2 + error * variance / total)
-        error = (_PRIOR_ERRORS * _PRIOR_STD**2 + squares.sum(axis=0)) / count
-    return np.asarray(np.sqrt(error) * (1.0 + _ERRORS / math.sqrt(2.0 * count)))
+        error = (_PRIOR_ERRORS * prior**2 + squares.sum(axis=0)) / count
+    return np.asarray(np.sqrt(error))
