@@ -18,14 +18,15 @@ from tactile_localizer.scene import Scene
 
 _POSITION_PER_SPACING = 0.8
 """Kernel width in position, in spacings of the lines."""
-_STRAIN_PER_DIFFERENCE = 1.0
-"""Kernel width in strain, in median differences between the strains of neighbouring lines."""
 _MIN_POSITION_STD = 0.001
 """m: least width in position, for sweeps over one line."""
 
 
 def choose_kernel_widths(scan: Scan, scene: Scene, given: ModelParameters) -> ModelParameters:
-    """Complete the given parameters by the widths that are ``None``."""
+    """Complete the given parameters by the widths that are ``None``.
+
+    That in strain is the median difference between the strains of neighbouring lines.
+    """
     tracks, strain = Tracks.of(scan, scene), scan.strain_on(scene)
     differences = differences_between_lines(tracks)
     difference = np.median(differences, axis=0) if len(differences) else np.zeros(strain.shape[1])
@@ -33,6 +34,6 @@ def choose_kernel_widths(scan: Scan, scene: Scene, given: ModelParameters) -> Mo
     least = 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30
     widths = {
         "position_std": max(_POSITION_PER_SPACING * line_spacing(tracks), _MIN_POSITION_STD) / levers(scene),
-        "strain_std": _STRAIN_PER_DIFFERENCE * np.maximum(difference, least),
+        "strain_std": np.maximum(difference, least),
     }
     return replace(given, **{name: width for name, width in widths.items() if getattr(given, name) is None})

@@ -49,7 +49,8 @@ def relocated(nats: float, places: int = PLACES, travel: float = 0.05) -> tuple[
 
 def test_a_relocated_hand_takes_over_once_another_place_explains_more() -> None:
     explanations, _ = relocated(2.0)
-    assert explanations.relocated > 0.5 * explanations.tracked
+    assert explanations.relocated > explanations.tracked
+    assert Explanations(0.31, 0.3, 0.39, explanations.elsewhere).injection == 0.0
     assert explanations.elsewhere.argmax() == 1
     assert explanations.injection == pytest.approx(explanations.relocated / explanations.on_map)
     moved = explanations.predict(0.0, 0.0)
