@@ -55,7 +55,7 @@ def test_position_kernels_of_any_width_give_finite_densities_or_are_refused(mode
     assert np.isfinite(values).all()
     if model == "sum_of_gaussians":
         assert np.ptp(values) < 1e-3  # every state sees the whole scan
-    with pytest.raises(ParameterError, match=r"at most 16,777,216 nodes for the 800 pairs .* got \d"):
+    with pytest.raises(ParameterError, match=r"at most 8,388,608 nodes for the 800 pairs .* got \d"):
         build(model, position_std=SMALLEST)
     one = SCAN.select(np.array([3]))
     if model == "sum_of_gaussians":

@@ -242,7 +242,7 @@ def test_the_newest_frames_are_used_after_a_delay(bench: Callable[..., Bench], s
     wait_until(lambda: time.monotonic() > sent_s + 1.0, "the frames to be 1 s old")
     may_read.set()
     wait_until(lambda: one.counts[FrameKind.LATE] > 0, "the late frames")
-    wait_until(lambda: one.driver.status.queue_drops > 0, "the frames that the kernel dropped")  # it is polled
+    wait_until(lambda: one.driver.status.queue_drops > 0, "the drops, which are polled")
     level, message = one.bus_status()
     assert level == b"\1"
     assert re.search(

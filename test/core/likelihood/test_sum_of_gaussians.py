@@ -67,7 +67,7 @@ def test_it_agrees_with_the_sum_over_pairs_on_any_axes(dimension, full_turn, con
     compare(made, of, widths, truths, strain_at(truths), std, conditional=conditional)
 
 
-def test_a_long_strip_is_evaluated_in_blocks():
+def test_it_agrees_on_a_strip_of_many_kernel_widths():
     of = Scene("strip", (Axis("x", 0.0, 30.0),), (Phalanx("index", (0.0,)),))
     made = scan(np.random.default_rng(1), of, 3000)
     states, strain = made.states[:200], made.strain[5]
