@@ -21,7 +21,7 @@ from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
 from tactile_localizer.core.scan.interpolation import interpolate
-from tactile_localizer.core.scan.lines import neighbours
+from tactile_localizer.core.scan.lines import on_line_of
 from tactile_localizer.core.scan.tracks import PITCH, evenly
 from tactile_localizer.scene import Scene
 
@@ -55,30 +55,17 @@ class Calibration(NamedTuple):
 
 
 def calibrate(model: SweepModel) -> Calibration:
-    """Register sweeps to the others.
-
-    Along a sweep the nearest line is held out as well: it resembles the sweep by chance, in the same
-    deformation mode, which a new sweep does not. Across it the gap without that line would make errors that a
-    new sweep does not have.
-    """
+    """Register sweeps to those of the other lines."""
     scan, tracks = model.scan, model.scan.tracks
-    sweeps, scale = len(tracks), levers(tracks.scene)
     found = []
-    for index in evenly(sweeps, _MAX_HELD_OUT_SWEEPS) if sweeps > 1 else []:
-        own, beside = neighbours(tracks, index)
+    for index in evenly(len(tracks), _MAX_HELD_OUT_SWEEPS) if len(tracks) > 1 else []:
         part = _most_signal(tracks.slices[index], scan.signal)
-        across = along = register(model, part, own)
-        if sweeps - (own | beside).sum() >= 2:
-            along = register(model, part, own | beside)
-        direction = (tracks.positions[part.stop - 1] - tracks.positions[part.start]) * scale
-        fraction = direction**2 / max(float(direction @ direction), np.finfo(np.float64).tiny)
-        parts = zip(along, across, strict=True)
-        shift, variance = (fraction * one + (1.0 - fraction) * other for one, other in parts)
+        shift, variance = register(model, part, on_line_of(tracks, index))
         # Before contact the position is open.
         known = scan.signal[part].any(axis=1) & (variance.sum(axis=1) < _WRONG_PLACE_M**2)
         if known.any():
             found.append((shift[known], variance[known]))
-    return Calibration(registration_std(found, tracks.scene) / scale, model.variance)
+    return Calibration(registration_std(found, tracks.scene) / levers(tracks.scene), model.variance)
 
 
 def _most_signal(points: slice, signal: np.ndarray) -> slice:

@@ -1,4 +1,4 @@
-"""Lines of a scan, each of one or more sweeps: spacing, neighbours, and differences of their strains."""
+"""Lines of a scan, each of one or more sweeps: spacing, repetitions, and differences of their strains."""
 
 from __future__ import annotations
 
@@ -26,12 +26,9 @@ def line_spacing(tracks: Tracks) -> float:
     return float(np.median(np.concatenate(nearest)))
 
 
-def neighbours(tracks: Tracks, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Tracks on the line of one of them, itself included, and those on the nearest other line, (S,) bool."""
-    distances = _distances(tracks, index)
-    own = _on_line(distances, index)
-    nearest = int(np.where(own, np.inf, np.median(distances, axis=0)).argmin())
-    return own, _on_line(_distances(tracks, nearest), nearest) & ~own
+def on_line_of(tracks: Tracks, index: int) -> np.ndarray:
+    """Tracks (S,) bool on the line of one of them, itself included."""
+    return _on_line(_distances(tracks, index), index)
 
 
 def differences_between_lines(tracks: Tracks) -> np.ndarray:
@@ -43,7 +40,7 @@ def differences_between_lines(tracks: Tracks) -> np.ndarray:
         return np.abs(np.diff(tracks.strain, axis=0))
     differences = []
     for index in evenly(len(tracks), _MAX_TRACKS):
-        own, others = tracks.slices[index], np.flatnonzero(~_on_line(_distances(tracks, index), index))
+        own, others = tracks.slices[index], np.flatnonzero(~on_line_of(tracks, index))
         distance, point = tracks.nearest(tracks.positions[own], others)
         near = np.take_along_axis(point, distance.argmin(axis=1)[:, None], axis=1)[:, 0]
         differences.append(np.abs(tracks.strain[own] - tracks.strain[near]))

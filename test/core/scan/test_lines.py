@@ -1,10 +1,10 @@
-"""Lines of a scan: spacing, neighbours, differences of their strains."""
+"""Lines of a scan: spacing, repetitions, differences of their strains."""
 
 import numpy as np
 import pytest
 from support.scans import raster
 
-from tactile_localizer.core.scan.lines import differences_between_lines, line_spacing, neighbours
+from tactile_localizer.core.scan.lines import differences_between_lines, line_spacing, on_line_of
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import Tracks
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -31,9 +31,7 @@ def test_repeated_lines_do_not_reduce_the_spacing(passes: int) -> None:
     tracks = Tracks(PLANE, positions, np.tile(once.strain, (passes, 1)), np.tile(once.counts, passes))
     assert line_spacing(tracks) == pytest.approx(SPACING, rel=0.1)
     count = len(once)
-    own, beside = neighbours(tracks, 0)
-    assert np.flatnonzero(own).tolist() == [count * number for number in range(passes)]
-    assert np.flatnonzero(beside).tolist() == [count * number + 1 for number in range(passes)]
+    assert np.flatnonzero(on_line_of(tracks, 0)).tolist() == [count * number for number in range(passes)]
 
 
 def test_strains_are_compared_at_neighbouring_places_of_two_lines() -> None:
