@@ -53,7 +53,6 @@ EXACT = " exact"
 _PAPER_FILTER = Configuration(
     filter="particle",
     particles=75,
-    max_particles=75,
     random_particles=10,
     resample_below=1.0,
     conditional=False,

@@ -19,7 +19,6 @@ FILTERS = ("grid", "particle")
 
 RANGES: dict[str, tuple[float, float]] = {
     "particles": (1, 1_000_000),
-    "max_particles": (1, 1_000_000),
     "cell": (0.01, 10.0),
     "resample_below": (0.01, 1.0),
     "random_particles": (0, 1_000_000),
@@ -41,8 +40,7 @@ class Configuration:
     model : measurement model, one of :data:`MODELS`, or a user-defined one as ``module:Class``
         (:mod:`.user_defined`)
     filter : one of :data:`FILTERS`; ``grid`` is exact but for the size of its cells
-    particles : number of particles of a converged belief
-    max_particles : number of particles of a wide belief, if larger; the paper always has 75
+    particles : number of particles; 75 in the paper
     cell : size of the grid's cells in line spacings of the scan; on one axis cells are 0.5 mm, on three so
         large that there are at most 25,000
     conditional : whether the sum of Gaussians is in conditional form, or in the paper's joint form
@@ -64,8 +62,7 @@ class Configuration:
 
     model: str = "sweep_mixture"
     filter: str = "grid"
-    particles: int = 300
-    max_particles: int = 1500
+    particles: int = 1000
     cell: float = 0.45
     conditional: bool = True
     resample_below: float = 0.5

@@ -161,5 +161,4 @@ def _build_filter(
         particles=configuration.particles,
         resample_below=configuration.resample_below,
         random_particles=configuration.random_particles,
-        max_particles=configuration.max_particles,
     )

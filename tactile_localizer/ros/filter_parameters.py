@@ -13,9 +13,7 @@ _DESCRIPTIONS = {
     "model": f"Measurement model: {', '.join(MODELS)}, or a user-defined model as module:Class. "
     "sweep_mixture is learned from the scan; the others use kernel widths from the scene, or choose them",
     "filter": "Bayes filter: particle filter, or exact recursion on a grid",
-    "particles": "Number of particles when the estimate has converged, 75 in the paper; for filter particle",
-    "max_particles": "Number of particles while the belief is wide, if larger; 75 in the paper; for filter "
-    "particle",
+    "particles": "Number of particles, 75 in the paper; for filter particle",
     "cell": "Resolution of map and grid, in multiples of the distance between sweeps; scenes with one axis "
     "use 0.5 mm instead, with three at most 25,000 cells",
     "conditional": "Conditional form of model sum_of_gaussians; false for the joint form of the paper",

@@ -11,37 +11,22 @@ from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.filters.resampling import systematic
 from tactile_localizer.core.geometry.anchors import Injection
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.geometry.motion import MotionModel, levers
+from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.weights import effective_sample_size, moments, normalize
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Region, Scene
-
-_BIN_M = 0.002
-"""Size of the bins whose number measures how wide a belief is, m of travel. By judgement; tried on three
-simulated features, seeds 11 and 12."""
-_CONVERGED_BINS = 15
-"""Bins that a converged belief occupies; a wider one has more particles in proportion. By judgement, as
-above."""
-_MIN_RELATIVE_WEIGHT = 1e-3
-"""Weight of a particle, relative to the largest, below which its bin does not count."""
-_MAX_SURPLUS = 1.3
-"""Times as many particles as a belief needs, above which it is resampled to fewer."""
 
 
 class ParticleFilter:
     """Weighted particles, resampled before they are moved, so that copies get process noise of their own.
 
-    The wider the belief, the more particles it has: their number is in proportion to the bins that they
-    occupy, as in KLD-sampling (Fox, 2003). What is felt at contact is far narrower than the belief before.
-
     Parameters
     ----------
     scene : bounds and motion noise; outside the bounds the weight is zero
     rng : the only source of randomness
-    particles : how many when the belief has converged; the paper uses 75
+    particles : how many; the paper uses 75
     resample_below : fraction of the particles; resample when the effective sample size is lower; 1: always
     random_particles : replace this many by uniformly random ones at each update, as the paper does (10)
-    max_particles : how many while it is wide; ``None``: always ``particles``, as in the paper
 
     Raises
     ------
@@ -56,14 +41,12 @@ class ParticleFilter:
         particles: int = 75,
         resample_below: float = 0.5,
         random_particles: int = 0,
-        max_particles: int | None = None,
     ) -> None:
         if not 0 <= random_particles < particles:
             raise ParameterError(f"random_particles: expected 0 to {particles - 1}, got {random_particles}")
         self._motion = MotionModel(scene)
         self._rng = rng
-        self._least, self._most = particles, max(particles, max_particles or particles)
-        self._bin = _BIN_M / levers(scene)
+        self._count = particles
         self._resample_below = resample_below
         self._random = random_particles
         self._lower, self._upper, self._wraps = scene.lower, scene.upper, scene.wraps
@@ -76,11 +59,11 @@ class ParticleFilter:
 
     def reset(self) -> None:
         """See :meth:`.BayesFilter.reset`; stratified over the scene, so that few particles cover it."""
-        self._place(self._spread(self._most))
+        self._place(self._spread(self._count))
 
     def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
         """See :meth:`.BayesFilter.seed`."""
-        states = mean + self._rng.standard_normal((self._most, len(mean))) * std
+        states = mean + self._rng.standard_normal((self._count, len(mean))) * std
         self._place(np.where(self._wraps, wrap_angle(states), np.clip(states, self._lower, self._upper)))
 
     def predict(
@@ -89,14 +72,13 @@ class ParticleFilter:
         """See :meth:`.BayesFilter.predict`; the lightest particles make room for those taken in."""
         left = self._move(displacement, travel)
         if injection is not None:
-            present = len(self._states)
-            count = min(int(self._rng.binomial(present, injection.fraction)), present - 1)
+            count = min(int(self._rng.binomial(self._count, injection.fraction)), self._count - 1)
             boxes = self._rng.choice(len(injection.weights), count, p=injection.weights)
             within = (self._rng.random((count, len(self._lower))) - 0.5) * injection.anchors.pitch
             self._replace_lightest(injection.anchors.states[boxes] + within)
         if self._random:
             self._replace_lightest(self._spread(self._random))
-        before, self._ancestors = self._ancestors, np.arange(len(self._states))
+        before, self._ancestors = self._ancestors, np.arange(self._count)
         continued = np.where(before < 0, 0.0, 1.0)
         return Prediction(self._states, self._log_weights, np.maximum(before, 0), continued, left)
 
@@ -123,7 +105,7 @@ class ParticleFilter:
             self._log_weights = log_weights
         mean, covariance = moments(self._states, np.exp(self._log_weights), self._wraps)
         effective = effective_sample_size(self._log_weights)
-        return Belief(mean, covariance, effective, len(self._states))
+        return Belief(mean, covariance, effective, self._count)
 
     def weights(self) -> np.ndarray:
         """See :meth:`.BayesFilter.weights`."""
@@ -133,11 +115,10 @@ class ParticleFilter:
         """See :meth:`.BayesFilter.hypotheses`."""
         return self._states.copy(), np.exp(self._log_weights)
 
-    def _place(self, states: np.ndarray) -> None:
-        count = len(states)
+    def _place(self, states: np.ndarray, ancestors: np.ndarray | int = -1) -> None:
         self._states = states
-        self._ancestors = np.full(count, -1)
-        self._log_weights = np.full(count, -math.log(count))
+        self._ancestors = np.broadcast_to(ancestors, self._count).copy()
+        self._log_weights = np.full(self._count, -math.log(self._count))
 
     def _spread(self, count: int) -> np.ndarray:
         """``count`` uniform states in a Latin hypercube: as random as independent ones, but without holes."""
@@ -149,36 +130,22 @@ class ParticleFilter:
         if not count:
             return
         # In random order: after resampling all weigh the same, and neighbours have one ancestor.
-        order = self._rng.permutation(len(self._states))
+        order = self._rng.permutation(self._count)
         lightest = order[np.argpartition(self._log_weights[order], count - 1)[:count]]
         self._states[lightest] = np.where(self._wraps, states, np.clip(states, self._lower, self._upper))
         self._ancestors[lightest] = -1
-        self._log_weights[lightest] = -math.log(len(self._states))
+        self._log_weights[lightest] = -math.log(self._count)
         self._log_weights, _ = normalize(self._log_weights)
 
     def _resample_if_needed(self) -> None:
-        weights = np.exp(self._log_weights)
-        effective = effective_sample_size(self._log_weights) / len(weights)
-        count = self._needed(weights)
-        enough = self._resample_below < 1.0 and effective >= self._resample_below
-        if enough and len(weights) <= _MAX_SURPLUS * count:
+        effective = effective_sample_size(self._log_weights) / self._count
+        if self._resample_below < 1.0 and effective >= self._resample_below:
             return
-        spread = self._regularization(weights, effective, count)
-        ancestors = systematic(weights, count, self._rng)
-        jitter = self._rng.standard_normal((count, len(self._lower))) @ spread.T
-        self._states = self._reflected(self._states[ancestors] + jitter)
-        self._ancestors = self._ancestors[ancestors]
-        self._log_weights = np.full(count, -math.log(count))
-
-    def _needed(self, weights: np.ndarray) -> int:
-        """Number of particles for a belief as wide as this one."""
-        if self._least == self._most:
-            return self._least
-        occupying = self._states[weights > _MIN_RELATIVE_WEIGHT * weights.max()]
-        index = ((occupying - self._lower) / self._bin).astype(np.int64)
-        strides = np.cumprod([1, *(index.max(axis=0)[:-1] + 1)])
-        bins = len(np.unique(index @ strides))
-        return min(max(bins * self._least // _CONVERGED_BINS, self._least), self._most)
+        weights = np.exp(self._log_weights)
+        spread = self._regularization(weights, effective)
+        ancestors = systematic(weights, self._count, self._rng)
+        jitter = self._rng.standard_normal((self._count, len(self._lower))) @ spread.T
+        self._place(self._reflected(self._states[ancestors] + jitter), self._ancestors[ancestors])
 
     def _reflected(self, states: np.ndarray) -> np.ndarray:
         """States (P, d) with those beyond a bound mirrored at it: nothing leaves the scene by jitter."""
@@ -189,7 +156,7 @@ class ParticleFilter:
         states[beyond] = np.clip(mirrored, lower, upper)
         return states
 
-    def _regularization(self, weights: np.ndarray, effective: float, count: int) -> np.ndarray:
+    def _regularization(self, weights: np.ndarray, effective: float) -> np.ndarray:
         """Square root (d, d) of the covariance of the jitter that keeps the copies of one ancestor apart.
 
         A regularised particle filter (Musso, Oudjane and Le Gland, 2001), with the bandwidth that is optimal
@@ -197,7 +164,7 @@ class ParticleFilter:
         resampling makes hardly any copies. It vanishes as the particles grow in number.
         """
         d = len(self._lower)
-        bandwidth = (4.0 / ((d + 2.0) * count)) ** (1.0 / (d + 4.0))
+        bandwidth = (4.0 / ((d + 2.0) * self._count)) ** (1.0 / (d + 4.0))
         copied = math.sqrt(max(2.0 * (1.0 - effective), 0.0))
         _, covariance = moments(self._states, weights, self._wraps)
         values, vectors = np.linalg.eigh(covariance)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy import stats
-from support.models import LinearModel, flat_update, step
+from support.models import LinearModel, step
 from support.scans import scene
 
 from tactile_localizer.core.filters.particle import ParticleFilter
@@ -46,17 +46,6 @@ def test_constant_injection_happens_at_each_update_and_counts_once_weighted():
         assert 5 <= far.sum() <= 10
         assert weights[far].sum() < 1e-3
         assert np.linalg.norm(belief.mean - [0.02, 0.03]) < 2e-4
-
-
-def test_a_wide_belief_has_more_particles_than_a_converged_one():
-    model = linear(std=0.05)
-    particles = ParticleFilter(scene(), np.random.default_rng(0), 75, max_particles=1500)
-    strain = model.gain @ [0.02, 0.03]
-    counts = [step(particles, model, strain)[0].hypotheses for _ in range(4)]
-    assert counts[0] == 1500
-    assert counts[-1] == 75
-    particles.predict(np.array([0.06, 0.0]), 0.06)
-    assert flat_update(particles).hypotheses == 1500
 
 
 def test_copies_of_one_ancestor_stay_within_the_bounds():
