@@ -28,11 +28,11 @@ def nearest(of, made, state, k):
 def test_the_density_is_a_gaussian_of_the_nearest_pairs(k, of):
     made = scan(np.random.default_rng(1), of, 600, noise=0.05)
     model = Gaussian(made, of, k)
-    intensity, scale = model.shrinkage
     for state in (np.array([*STATE, math.pi]), np.array([0.04, 0.01, 0.3 - math.pi])):
         own = made.strain[nearest(of, made, state[: of.dimension], k)]
         measured = own.mean(axis=0) + 0.3 * np.sqrt(np.diag(model._target))
-        covariance = scale * ((1 - intensity) * np.cov(own.T, bias=True) + intensity * model._target)
+        scatter, dimension = len(own) * np.cov(own.T, bias=True), own.shape[1]
+        covariance = (scatter + (dimension + 1) * model._target) / (len(own) + dimension)
         expected = stats.multivariate_normal(own.mean(axis=0), covariance).logpdf(measured)
         (found,) = model.log_likelihood(state[None, : of.dimension], measured)
         assert found + math.log(1.01) == pytest.approx(expected, abs=0.02)  # the background's weight
