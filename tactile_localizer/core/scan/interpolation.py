@@ -19,9 +19,7 @@ PAIRS = 6
 """Pairs of tracks from which a place is interpolated: the components of its mixture. With two passes over
 each line three pairs leave one pass out."""
 _NEAREST = 8
-"""Tracks from which a place is interpolated, four on either side of it."""
-_EXTRA_CANDIDATES = 2
-"""Further candidates for them: the distance to a track's points is larger than that to the line between."""
+"""Tracks, by their points, from which a place is interpolated, four on either side of it."""
 _PENALTY_PER_LINE = 0.2
 """nats by which the prior of a pair falls for each line between its two tracks. Such pairs are components
 because the nearest two need not be in the deformation mode of the next sweep. By judgement."""
@@ -164,7 +162,7 @@ def tiles(points: np.ndarray) -> Iterator[np.ndarray]:
 class _Projections(NamedTuple):
     """Feet of the perpendiculars from M places on the T nearest tracks, between two points of each track.
 
-    T is at most :data:`_NEAREST`, on one axis all tracks; the nearest is first.
+    T is at most :data:`_NEAREST`, on one axis all tracks.
 
     Parameters
     ----------
@@ -182,12 +180,12 @@ class _Projections(NamedTuple):
 
 def _project(tracks: Tracks, places: np.ndarray, kept: np.ndarray, every: bool) -> _Projections:
     """Feet of ``places`` (M, d) on the nearest of the tracks ``kept``, or on all of them."""
-    count, rows = _NEAREST + _EXTRA_CANDIDATES, np.arange(len(places))[:, None]
-    if not every and len(kept) > 2 * count:
-        kept = _near(tracks, places, kept, count)
+    if not every and len(kept) > 2 * _NEAREST:
+        kept = _near(tracks, places, kept)
     distance, point = tracks.nearest(places, kept)
     if not every:
-        point = point[rows, np.argsort(distance, axis=1, kind="stable")[:, :count]]
+        order = np.argsort(distance, axis=1, kind="stable")[:, :_NEAREST]
+        point = np.take_along_axis(point, order, axis=1)
     first = tracks.starts[tracks.number[point]]
     last = first + tracks.counts[tracks.number[point]] - 1
     # (d, M, T), because sums over a short last axis take several times longer.
@@ -214,20 +212,16 @@ def _project(tracks: Tracks, places: np.ndarray, kept: np.ndarray, every: bool) 
         closer = squared < best
         best, offset = np.where(closer, squared, best), np.where(closer, left, offset)
         other, ratio = np.where(closer, beside, other), np.where(closer, along, ratio)
-    if not every:
-        order = np.argsort(best, axis=1, kind="stable")[:, :_NEAREST]
-        offset, best, ratio = offset[:, rows, order], best[rows, order], ratio[rows, order]
-        point, other = point[rows, order], other[rows, order]
     return _Projections(offset, np.sqrt(best), np.stack([point, other]), np.stack([1.0 - ratio, ratio]))
 
 
-def _near(tracks: Tracks, places: np.ndarray, kept: np.ndarray, count: int) -> np.ndarray:
-    """Those of the tracks ``kept`` that can be among the ``count`` nearest of any of ``places`` (m, d)."""
+def _near(tracks: Tracks, places: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Those of the tracks ``kept`` that can be among the nearest of any of ``places`` (m, d)."""
     centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
     away = (places - centre) * levers(tracks.scene)
     reach = 2.0 * float(np.sqrt(np.square(away).sum(axis=1).max()))
     distance = tracks.nearest(centre[None], kept)[0][0]
-    limit = np.partition(distance, count - 1)[count - 1] + reach
+    limit = np.partition(distance, _NEAREST - 1)[_NEAREST - 1] + reach
     return kept[distance <= limit * (1.0 + 1e-9)]
 
 
@@ -275,4 +269,4 @@ def _pairs(feet: _Projections, spacing: float) -> Interpolation:
     )
     log_prior = score - np.logaddexp.reduce(score, axis=1, keepdims=True)
     noise = np.square(share).sum(axis=0)
-    return Interpolation(points, weights, difference, noise, log_prior, feet.distance[:, 0])
+    return Interpolation(points, weights, difference, noise, log_prior, feet.distance.min(axis=1))
