@@ -23,7 +23,7 @@ from tactile_localizer.core.hypotheses.explanations import ELSEWHERE, Explanatio
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.likelihood.weights import log_sum
+from tactile_localizer.core.likelihood.weights import normalize
 from tactile_localizer.core.likelihood.white_noise import SweepNoise
 from tactile_localizer.core.plausibility import PhalanxConsistency, StampUnit
 from tactile_localizer.core.strain_mean import StrainMean
@@ -271,7 +271,7 @@ class Localizer:
 
         belief = self.filter.update(exponent * position)
         weights = self.filter.weights()
-        tracked = log_sum(prediction.log_weights + exponent * likelihoods.states) / exponent
+        tracked = normalize(prediction.log_weights + exponent * likelihoods.states)[1] / exponent
         far = self._motion.travels(self._anchors.states - belief.mean) > ELSEWHERE
         material = min(1.0, stretch / self._presence_length)
         explanations = sweep.explanations.update(

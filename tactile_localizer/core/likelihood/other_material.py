@@ -89,13 +89,7 @@ class OtherMaterial:
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
         densities = np.vstack([densities - 0.5 * layout.sum(np.log(variance)), resembling])
         following = log_weights + exponent * densities
-        weights = np.exp(following - _log_sum(following))
+        weights = np.exp(following - np.logaddexp.reduce(following))
         weights += _FORGOTTEN * (1.0 / len(weights) - weights)
-        total = float(_log_sum(log_weights + densities)[used].sum())
+        total = float(np.logaddexp.reduce(log_weights + densities)[used].sum())
         return total, np.where(used, np.log(weights), log_weights)
-
-
-def _log_sum(values: np.ndarray) -> np.ndarray:
-    """Logarithms of sums over the strengths, (G, F) to (F,)."""
-    largest = values.max(axis=0)
-    return np.asarray(largest + np.log(np.exp(values - largest).sum(axis=0)))

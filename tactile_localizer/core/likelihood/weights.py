@@ -30,14 +30,6 @@ def normalize(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
     return scaled - log_sum, peak + log_sum
 
 
-def log_sum(log_values: np.ndarray) -> float:
-    """Logarithm of the sum of the exponentials of ``log_values`` (P,)."""
-    peak = float(log_values.max())
-    if peak == -math.inf:
-        return -math.inf
-    return peak + math.log(float(np.exp(log_values - peak).sum()))
-
-
 def effective_sample_size(log_weights: np.ndarray) -> float:
     """Kish's effective sample size of normalized ``log_weights`` (P,), 1 / sum of squares: 1 to P."""
     return float(1.0 / np.sum(np.exp(2.0 * log_weights)))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.likelihood.weights import effective_sample_size, log_sum, moments, normalize
+from tactile_localizer.core.likelihood.weights import effective_sample_size, moments, normalize
 
 LOG_WEIGHTS = arrays(
     np.float64, st.integers(1, 60), elements=st.floats(-1e15, 1e15) | st.just(-math.inf), fill=st.nothing()
@@ -27,6 +27,10 @@ def test_normalized_weights_sum_to_one(log_weights):
     assert (normalized[log_weights == -math.inf] == -math.inf).all()
     clear = normalized > -30
     np.testing.assert_allclose(normalized[clear] + log_total, log_weights[clear], rtol=1e-15, atol=1e-12)
+
+
+def test_the_total_is_that_of_the_weights():
+    assert normalize(np.log([1.0, 2.0, 6.0]))[1] == pytest.approx(math.log(9.0))
 
 
 def test_effective_sample_size_of_equal_weights():
@@ -57,9 +61,3 @@ def test_a_wrapped_angle_is_the_same_direction(angle):
     assert -math.pi <= wrapped <= math.pi
     assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-8)
     assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-8)
-
-
-def test_log_sum():
-    assert log_sum(np.log([1.0, 2.0, 6.0])) == pytest.approx(math.log(9.0))
-    assert log_sum(np.array([-1e6, -1e6])) == pytest.approx(-1e6 + math.log(2.0))
-    assert log_sum(np.full(3, -math.inf)) == -math.inf
