@@ -74,19 +74,12 @@ def interpolate_poses(
     span = pose_ns[after] - pose_ns[before]
     found = inside & (span <= round(max_gap_s * NANOSECONDS))
     fraction = ((stamp_ns - pose_ns[before]) / np.maximum(span, 1))[:, None]
-    positions[found] = _between(axes, poses[before], poses[after], fraction)[found]
-    return positions, found
-
-
-def _between(
-    axes: tuple[Axis, ...], before: np.ndarray, after: np.ndarray, fraction: np.ndarray | float
-) -> np.ndarray:
-    """Positions (..., d) at a fraction of the way from one to another, yaw along the shortest arc."""
-    step = after - before
+    step = poses[after] - poses[before]
     for column, axis in enumerate(axes):
         if axis.name == "yaw":
-            step[..., column] = wrap_angle(step[..., column])
-    return near_bounds(axes, before + fraction * step)
+            step[:, column] = wrap_angle(step[:, column])
+    positions[found] = near_bounds(axes, poses[before] + fraction * step)[found]
+    return positions, found
 
 
 @dataclass(frozen=True)
@@ -136,10 +129,10 @@ class Pairing(Generic[T]):
         self.resets = 0
         self.forward_jumps = 0
         self._axes = axes
-        self._max_gap_ns = round(max_gap_s * NANOSECONDS)
+        self._max_gap_s = max_gap_s
         self._patience_ns = round(patience_s * NANOSECONDS)
         # Poses are kept for as long as a strain vector that needs them may wait.
-        self._length_ns = 2 * self._patience_ns + self._max_gap_ns
+        self._length_ns = 2 * self._patience_ns + round(max_gap_s * NANOSECONDS)
         self._pose_ns: list[int] = []
         self._poses: list[np.ndarray] = []
         self._waiting: deque[tuple[int, T]] = deque()
@@ -222,15 +215,13 @@ class Pairing(Generic[T]):
         return pairs
 
     def _position(self, stamp_ns: int) -> np.ndarray | None:
-        """The position that :func:`interpolate_poses` finds, several times faster for a single stamp."""
-        pose_ns, after = self._pose_ns, bisect_left(self._pose_ns, stamp_ns)
-        if after == len(pose_ns):
-            return None
-        before = after if pose_ns[after] == stamp_ns else after - 1
-        if before < 0 or (span := pose_ns[after] - pose_ns[before]) > self._max_gap_ns:
-            return None
-        fraction = (stamp_ns - pose_ns[before]) / max(span, 1)
-        return _between(self._axes, self._poses[before], self._poses[after], fraction)
+        after = bisect_left(self._pose_ns, stamp_ns)
+        around = slice(max(after - 1, 0), after + 1)
+        pose_ns, poses = np.array(self._pose_ns[around]), np.array(self._poses[around])
+        positions, found = interpolate_poses(
+            self._axes, pose_ns, poses, np.array([stamp_ns]), self._max_gap_s
+        )
+        return positions[0] if found[0] else None
 
     def _arrived(self, stamp_ns: int, newest_ns: int | None) -> list[Pair[T]] | None:
         """Pairs that end where time jumps back; ``None``: the stamp is late by the newest of its topic."""
