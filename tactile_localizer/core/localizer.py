@@ -22,6 +22,7 @@ from tactile_localizer.core.hypotheses.convergence import (
 from tactile_localizer.core.hypotheses.explanations import ELSEWHERE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
+from tactile_localizer.core.likelihood.other_material import variance_factor
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.weights import normalize
 from tactile_localizer.core.likelihood.white_noise import SweepNoise
@@ -33,8 +34,6 @@ from tactile_localizer.scene import Scene
 UPDATE_PERIOD_NS = 8_000_000
 """Least time between two measurement updates, ns, by their stamps. A hand that moves fast, as between sweeps,
 passes an update distance with every strain; an update for each would take longer than they take to come."""
-ENERGY_MEMORY = 0.025
-"""m over which the energy of a sweep on featureless material is averaged. By judgement."""
 _CHANGED = 0.2
 """Relative change of the noise of a channel from which strains are whitened anew."""
 _SILENT = 1e9
@@ -259,7 +258,9 @@ class Localizer:
             sweep.trend, strain, places, expected, prediction.log_weights, stretch, exponent
         )
         off_map, level_variance = model.off_map(innovation)
-        energy, scale = self._scale(sweep.energy, model.other.energy(off_map, level_variance), stretch)
+        energy, scale = variance_factor(
+            sweep.energy, model.other.energy(off_map, level_variance), self._quiet_energy, stretch
+        )
         likeliest = int(prediction.log_weights.argmax())
         likelihoods = model.evaluate(nodes, states, likeliest, innovation, scale, used)
         other, strengths = model.other.update(
@@ -296,11 +297,6 @@ class Localizer:
             excess = np.where(self.scene.layout.expand(used), excess, _SILENT * usual)
         changed = np.abs(excess - model.excess) > _CHANGED * (usual + model.excess)
         return self.model.with_noise(excess) if changed.any() else model
-
-    def _scale(self, before: np.ndarray, energy: np.ndarray, travel: float) -> tuple[np.ndarray, np.ndarray]:
-        """Mean energy (F,) of the sweep off the map, and the factor (F,) of the variance that it shows."""
-        mean = before + min(1.0, travel / ENERGY_MEMORY) * (energy - before)
-        return mean, np.maximum(mean / self._quiet_energy, 1.0)
 
     def _predict(self, displacement: np.ndarray, travel: float) -> tuple[Prediction, _Sweep]:
         """The predicted belief, and what is known of the sweep along its trajectories."""

@@ -13,7 +13,6 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.hypotheses.explanations import ELSEWHERE
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
-from tactile_localizer.core.localizer import ENERGY_MEMORY
 from tactile_localizer.errors import MeasurementError
 
 OF = scene()
@@ -198,15 +197,6 @@ def test_the_flag_includes_the_registration_error(std):
     near = 1.0 - math.exp(-0.5 * (Configuration().convergence_radius / std) ** 2)
     assert estimate.probability / estimate.on_map == pytest.approx(near, abs=0.02)
     assert estimate.converged == (near > Configuration().convergence_probability)
-
-
-def test_a_sweep_that_deviates_more_than_the_scan_widens_a_visit_by_as_much(localizer):
-    quiet = localizer._quiet_energy
-    for energy, factor in ((0.1, 1.0), (3.0, 3.0), (50.0, 50.0)):
-        _, scale = localizer._scale(quiet, energy * quiet, ENERGY_MEMORY)
-        np.testing.assert_allclose(scale, factor)
-    mean, _ = localizer._scale(quiet, 3.0 * quiet, 0.5 * ENERGY_MEMORY)
-    np.testing.assert_allclose(mean, 2.0 * quiet)
 
 
 def test_a_sure_belief_has_the_likelihood_of_its_place_whatever_the_tempering():

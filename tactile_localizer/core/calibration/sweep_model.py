@@ -9,7 +9,7 @@ from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift, innovations
 from tactile_localizer.core.likelihood.noise_model import WhitenedScan, whiten
-from tactile_localizer.core.likelihood.other_material import OtherMaterial
+from tactile_localizer.core.likelihood.other_material import ENERGY_MEMORY, OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import (
     StrainMap,
     VarianceModel,
@@ -18,7 +18,6 @@ from tactile_localizer.core.likelihood.strain_map import (
     fit_variance,
 )
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.localizer import ENERGY_MEMORY
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import PITCH, evenly
 from tactile_localizer.scene import Scene

@@ -12,6 +12,9 @@ _STRENGTHS = np.array([0.0, 0.03, 0.1, 0.3, 1.0, 3.0])
 _FORGOTTEN = 0.003
 """Fraction by which the probabilities of the strengths return to equal ones at each update."""
 
+ENERGY_MEMORY = 0.025
+"""m over which the energy of a sweep on featureless material is averaged. By judgement."""
+
 
 class OtherMaterial:
     """Likelihood of innovations on material that was not scanned, whose signal may have any strength.
@@ -93,3 +96,18 @@ class OtherMaterial:
         weights += _FORGOTTEN * (1.0 / len(weights) - weights)
         total = float(np.logaddexp.reduce(log_weights + densities)[used].sum())
         return total, np.where(used, np.log(weights), log_weights)
+
+
+def variance_factor(
+    before: np.ndarray, energy: np.ndarray, quiet: np.ndarray, travel: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean energy (F,) of a sweep, and the factor (F,), at least 1, of the variance that it shows.
+
+    Parameters
+    ----------
+    before : (F,) mean energy before
+    energy : (F,) of the innovation after ``travel`` metres (:meth:`OtherMaterial.energy`)
+    quiet : (F,) its usual value in the scan
+    """
+    mean = before + min(1.0, travel / ENERGY_MEMORY) * (energy - before)
+    return mean, np.maximum(mean / quiet, 1.0)
