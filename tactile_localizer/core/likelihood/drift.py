@@ -52,19 +52,17 @@ class Trend(NamedTuple):
 
 
 class Innovation(NamedTuple):
-    """A strain and the map at N places less what their trends predict.
+    """A strain less what its trend predicts, and what the trend of the map predicts at N places.
 
     Parameters
     ----------
     strain : (C,)
-    map : (N, C), of the first component
-    map_trend : (N, C) prediction that was subtracted from the map
+    map_trend : (N, C) to be subtracted from the map
     level_variance : (C,) of the level
     turned : (C,) strain of featureless material at the mean yaw, which is not in ``strain``
     """
 
     strain: np.ndarray
-    map: np.ndarray
     map_trend: np.ndarray
     level_variance: np.ndarray
     turned: np.ndarray | float = 0.0
@@ -104,7 +102,7 @@ class Drift:
         travel: float,
         information: np.ndarray | float,
     ) -> tuple[Innovation, Trend]:
-        """Innovations of a whitened ``strain`` (C,) and of the map's ``expected`` strain (N, C) float32.
+        """Innovation of a whitened ``strain`` (C,), where the map's ``expected`` strain is (N, C) float32.
 
         ``travel`` is that since the last update, m; ``information``, (C,) or of all channels, the fraction of
         an independent measurement that the strain is.
@@ -131,7 +129,7 @@ class Drift:
             trend.map_rate + np.float32(rate_gain) * map_left if rate_gain else trend.map_rate,
         )
         level_variance = self.variance * gain / (1.0 - gain) / information
-        return Innovation(strain_left, map_left, map_trend, level_variance), following
+        return Innovation(strain_left, map_trend, level_variance), following
 
 
 def innovations(values: np.ndarray, memory: float, pitch: float, robust: bool = False) -> np.ndarray:

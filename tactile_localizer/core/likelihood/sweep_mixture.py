@@ -105,7 +105,7 @@ class SweepMixture:
         travel: float,
         information: float,
     ) -> tuple[Innovation, Trend]:
-        """Innovations of a strain (C,), V, and of the map's ``expected`` strain (N, C) at places (N, d).
+        """Innovation of a strain (C,), V, where the map's ``expected`` strain is (N, C), at places (N, d).
 
         See :meth:`.Drift.update`. ``log_weights`` (P,) are those of the first places, the states.
 
@@ -123,10 +123,8 @@ class SweepMixture:
         known = information / (1.0 + noise / self.drift.variance)
         innovation, trend = self.drift.update(trend, strain - mean @ turning, expected, travel, known)
         turned = ((places - mean) @ turning).astype(np.float32)
-        innovation = innovation._replace(
-            map=innovation.map + turned, map_trend=innovation.map_trend - turned, turned=mean @ turning
-        )
-        return innovation, trend
+        map_trend = innovation.map_trend - turned
+        return innovation._replace(map_trend=map_trend, turned=mean @ turning), trend
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """A strain vector (C,), V, in whitened coordinates."""
@@ -164,7 +162,7 @@ class SweepMixture:
         nodes : (N,) of the map, nearest to the P states and then to the R reference places
         states : their number P
         likeliest : index of the likeliest of them before this strain
-        innovation : of the strain and of the map at these N places
+        innovation : of the strain, with the map's trend at these N places
         scale : (F,) factor of the variance of a visit in this sweep
         used : (F,) bool, phalanges that count
         """

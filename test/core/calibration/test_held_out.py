@@ -109,6 +109,11 @@ def test_the_registration_error_of_a_few_sweeps_is_near_its_prior() -> None:
     assert lost[0] < 2.5 * along
 
 
+def test_shifts_that_are_not_known_leave_the_prior():
+    unknown = [(np.zeros((80, 2)), np.full((80, 2), 1.0))] * 7
+    np.testing.assert_allclose(registration_std(unknown, SHEET), 0.0015, rtol=1e-3)
+
+
 def test_a_sweep_is_localized_in_its_surroundings() -> None:
     """And up to a millimetre beyond the scan, but for yaw."""
     axes = (Axis("x", -1.0, 1.0), Axis("y", 0.0, 0.0301), Axis("yaw", -0.2, 0.2))

@@ -46,7 +46,7 @@ def evaluated(
     layout = model.noise.layout
     nodes, expected = model.expected(np.concatenate([STATES, STATES]))
     level = np.full(layout.size, level_variance)
-    innovation = Innovation(model.whitened(strain), expected, np.zeros_like(expected), level)
+    innovation = Innovation(model.whitened(strain), np.zeros_like(expected), level)
     every = np.ones(layout.phalanges)
     scale, used = every if scale is None else scale, every.astype(bool) if used is None else used
     return model.evaluate(nodes, NODES, likeliest, innovation, scale, used)
