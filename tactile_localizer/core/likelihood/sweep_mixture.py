@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,24 @@ _LARGEST_STRAIN = 1e9
 """Largest whitened strain, at which others are clipped; its square is still a float32."""
 _LARGEST_LOG_RATIO = 700.0
 """Of the densities of two components, nats: its exponential is a float64."""
+
+
+class _Components(NamedTuple):
+    """The n components of M nodes, those of one node after those of another.
+
+    Parameters
+    ----------
+    counts, starts : (M,) int, number of a node's components, and the first of them
+    mean : (n, C) float32, whitened strain
+    variance : (F, n) float32, variance of a new visit about it
+    log_prior : (n,) float32
+    """
+
+    counts: np.ndarray
+    starts: np.ndarray
+    mean: np.ndarray
+    variance: np.ndarray
+    log_prior: np.ndarray
 
 
 class SweepMixture:
@@ -55,16 +74,14 @@ class SweepMixture:
         self._channels = np.array(layout.counts, dtype=np.float32)[:, None]
         # A product with these rows sums over the channels of each phalanx.
         self._sums = layout.expand(np.eye(layout.phalanges, dtype=np.float32))
-        self._counts, self._starts, self._mean, self._variance, self._log_prior = self._distinct(strain_map)
+        self._components = self._distinct(strain_map)
         self.excess = np.zeros(layout.size)
         self._transform: np.ndarray | None = None
 
-    def _distinct(self, strain_map: StrainMap) -> tuple[np.ndarray, ...]:
+    def _distinct(self, strain_map: StrainMap) -> _Components:
         """The components of each node that differ from its first, into which the others are averaged.
 
-        At most nodes no phalanx touches a feature, and all components are alike. Returned are the numbers of
-        components and the first of them, (M,), and of all nodes' components one after another the mean
-        (n, C), the variance (F, n) and the logarithm of the prior (n,).
+        At most nodes no phalanx touches a feature, and all components are alike.
         """
         mean, variance, log_prior = (
             each.copy() for each in (strain_map.mean, strain_map.variance, strain_map.log_prior)
@@ -80,7 +97,8 @@ class SweepMixture:
         kept[:, 0] = True
         counts = kept.sum(axis=1)
         starts = counts.cumsum() - counts
-        return counts, starts, mean[kept], np.ascontiguousarray(variance[kept].T), log_prior[kept]
+        by_phalanx = np.ascontiguousarray(variance[kept].T)
+        return _Components(counts, starts, mean[kept], by_phalanx, log_prior[kept])
 
     def with_noise(self, excess: np.ndarray) -> SweepMixture:
         """The model of a sweep whose strains have more noise than the scan's, by ``excess`` (C,), V^2.
@@ -137,7 +155,7 @@ class SweepMixture:
     def expected(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Nodes (N,) nearest to places (N, d), and the whitened strain there (N, C), first component."""
         nodes = self.map.nearest(places)
-        return nodes, self._mean.take(self._starts.take(nodes), axis=0)
+        return nodes, self._components.mean.take(self._components.starts.take(nodes), axis=0)
 
     def off_map(self, innovation: Innovation) -> tuple[np.ndarray, np.ndarray]:
         """Innovation (C,) of a strain from featureless material, and the variance (F,) of its level."""
@@ -166,25 +184,26 @@ class SweepMixture:
         scale : (F,) factor of the variance of a visit in this sweep
         used : (F,) bool, phalanges that count
         """
-        counts, gain = self._counts.take(nodes), np.float32(self.map.gain)
+        components, gain = self._components, np.float32(self.map.gain)
+        counts = components.counts.take(nodes)
         counts[states:] = 1  # reference places: the first component alone
         ends = counts.cumsum()
         starts = ends - counts
         place = np.arange(len(nodes)).repeat(counts)
-        rows = np.arange(len(place)) + (self._starts.take(nodes) - starts).take(place)
-        expected = self._mean.take(rows, axis=0)
+        rows = np.arange(len(place)) + (components.starts.take(nodes) - starts).take(place)
+        expected = components.mean.take(rows, axis=0)
         strain = innovation.strain.astype(np.float32) + innovation.map_trend
         if self._transform is not None:
             expected, strain = expected @ self._transform.T, strain @ self._transform.T
         residual = strain.take(place, axis=0)
         residual -= expected
-        variance = self._variance.take(rows, axis=1)
+        variance = components.variance.take(rows, axis=1)
         variance *= scale.astype(np.float32)[:, None]
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
         projected = gain * np.square(self._sums @ (residual * expected).T)
         gain_variance = gain * (self._sums @ np.square(expected, out=expected).T)
         squared = self._sums @ np.square(residual, out=residual).T
-        log_prior = self._log_prior.take(rows)
+        log_prior = components.log_prior.take(rows)
         log_prior[ends[states - 1] :] = 0.0
 
         plain = log_density(squared, variance, self._channels, projected, gain_variance) + log_prior
