@@ -311,12 +311,11 @@ class Localizer:
         if injection is None and np.array_equal(prediction.ancestors, np.arange(before)):
             return prediction, sweep._replace(explanations=explanations)
         # The trajectories of the anchors follow those of the states; new states begin from them.
-        rows = before + np.arange(len(anchors))
-        ancestors = np.concatenate([prediction.ancestors, rows])
-        continued = np.concatenate([prediction.continued, np.ones(len(rows))])
-        begun = np.concatenate([rows[anchors.index(prediction.states)], rows])
+        ancestors = np.concatenate([prediction.ancestors, before + np.arange(len(anchors))])
+        new = (prediction.continued < 1.0).nonzero()[0]
+        begun = before + anchors.index(prediction.states[new])
         return prediction, sweep._replace(
-            trend=sweep.trend.followed(ancestors, continued, begun),
+            trend=sweep.trend.followed(ancestors, new, begun, 1.0 - prediction.continued[new]),
             explanations=explanations,
         )
 

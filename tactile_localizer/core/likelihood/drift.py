@@ -34,20 +34,22 @@ class Trend(NamedTuple):
     map_level: np.ndarray
     map_rate: np.ndarray
 
-    def followed(self, ancestors: np.ndarray, continued: np.ndarray, begun: np.ndarray) -> Trend:
+    def followed(
+        self, ancestors: np.ndarray, mixed: np.ndarray, begun: np.ndarray, fraction: np.ndarray
+    ) -> Trend:
         """The trend along M other trajectories.
 
         Parameters
         ----------
-        ancestors, begun : (M,) int, trajectories that each of them continues
-        continued : (M,) fraction of its weight that came from the first; the rest came from the second
+        ancestors : (M,) int, trajectories that they continue
+        mixed : (m,) int, those of which a part continues another trajectory
+        begun, fraction : (m,) int and float, which one, and that part of the weight
         """
         level, rate = self.map_level.take(ancestors, axis=0), self.map_rate.take(ancestors, axis=0)
-        rows = (continued < 1.0).nonzero()[0]
-        if len(rows):
-            fraction = (1.0 - continued[rows, None]).astype(np.float32)
-            level[rows] += fraction * (self.map_level[begun[rows]] - level[rows])
-            rate[rows] += fraction * (self.map_rate[begun[rows]] - rate[rows])
+        if len(mixed):
+            fraction = fraction.astype(np.float32)[:, None]
+            level[mixed] += fraction * (self.map_level[begun] - level[mixed])
+            rate[mixed] += fraction * (self.map_rate[begun] - rate[mixed])
         return self._replace(map_level=level, map_rate=rate)
 
 
