@@ -66,6 +66,8 @@ class KernelDensity:
         self._strain_std, self._strain = strain_std, strain / strain_std
         self._wraps, self._layout = wraps, layout
         self._log_constants = -0.5 * math.log(2.0 * math.pi) * layout.widths - layout.sum(np.log(strain_std))
+        # On a full turn the kernel is a wrapped normal distribution, uniform once it is as wide as the turn.
+        position_std = np.where(wraps, np.minimum(position_std, 2.0 * math.pi), position_std)
         margin = _MARGIN * position_std
         self._low = np.where(wraps, -math.pi, positions.min(axis=0) - margin)
         extent = np.where(wraps, math.pi, positions.max(axis=0) + margin) - self._low
@@ -119,9 +121,11 @@ class KernelDensity:
 
     def log_density(self, states: np.ndarray, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
         """Log-density (P,) of a strain (C,) of the phalanges ``present`` (F,) at states (P, d)."""
-        used = self._layout.expand(present)
-        scaled = (strain / self._strain_std)[used]
-        exponents = -0.5 * cdist(scaled[None], self._strain[:, used], "sqeuclidean")[0]
+        pairs, scaled = self._strain, strain / self._strain_std
+        if not present.all():
+            used = self._layout.expand(present)
+            scaled, pairs = scaled[used], pairs[:, used]
+        exponents = -0.5 * cdist(scaled[None], pairs, "sqeuclidean")[0]
         log_scale = float(exponents.max())
         sums = np.maximum(self._at_nodes(np.exp(exponents - log_scale)), np.finfo(np.float64).tiny)
         log_sums = np.log(sums) + log_scale + float(self._log_constants[present].sum())

@@ -101,7 +101,7 @@ class OtherMaterial:
 def variance_factor(
     before: np.ndarray, energy: np.ndarray, quiet: np.ndarray, travel: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean energy (F,) of a sweep, and the factor (F,), at least 1, of the variance that it shows.
+    """Update the mean energy (F,) of a sweep, and derive the factor (F,) that scales its noise variance.
 
     Parameters
     ----------

@@ -109,7 +109,7 @@ def test_the_registration_error_of_a_few_sweeps_is_near_its_prior() -> None:
     assert lost[0] < 2.5 * along
 
 
-def test_shifts_that_are_not_known_leave_the_prior():
+def test_shifts_that_are_not_known_leave_the_prior() -> None:
     unknown = [(np.zeros((80, 2)), np.full((80, 2), 1.0))] * 7
     np.testing.assert_allclose(registration_std(unknown, SHEET), 0.0015, rtol=1e-3)
 

@@ -76,6 +76,18 @@ def test_it_agrees_on_a_strip_of_many_kernel_widths():
     np.testing.assert_allclose(found, exact, atol=0.05)
 
 
+@pytest.mark.parametrize("width", [2 * np.pi, 1e12])
+def test_on_a_full_turn_a_kernel_as_wide_as_the_turn_is_uniform(width):
+    of = scene(3, full_turn=True)
+    made = scan(np.random.default_rng(1), of, 300)
+    states = np.column_stack([np.full((9, 2), 0.02), np.linspace(-np.pi, np.pi, 9)])
+    found = SumOfGaussians(made, of, np.array([0.003, 0.003, width]), 0.06).log_likelihood(
+        states, made.strain[5]
+    )
+    assert np.isfinite(found).all()
+    assert np.ptp(found) < 1e-6
+
+
 @pytest.mark.parametrize("absent", [0, 1, 2])
 def test_an_absent_phalanx_drops_out(absent):
     of = scene(2, 3)
