@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 import os
 import signal
@@ -107,17 +106,16 @@ def node_process(process: Callable[..., Process]) -> Callable[..., Process]:
 
 
 @pytest.fixture
-def refusal(capfd: pytest.CaptureFixture[str]) -> Callable[..., list[str]]:
-    """Run a node here that cannot start: ``refusal("driver_node", parameters)`` returns its output."""
-    from tactile_localizer.ros.base.executable import run
+def refusal(node_process: Callable[..., Process]) -> Callable[..., list[str]]:
+    """Run a node that cannot start: ``refusal("driver_node", parameters)`` returns its output.
+
+    It runs in a process of its own: threads of the middleware, here also of earlier tests, write as well.
+    """
 
     def refused(name: str, parameters: dict[str, Any]) -> list[str]:
-        module = importlib.import_module(f"tactile_localizer.ros.{name}")
-        arguments = [*node_command(name, parameters)[1:], "--disable-rosout-logs"]
-        assert run(getattr(module, name.title().replace("_", "")), arguments) == 2
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        return "".join(capfd.readouterr()).splitlines()
+        node = node_process(name, parameters)
+        assert node.wait() == 2
+        return node.lines
 
     return refused
 
