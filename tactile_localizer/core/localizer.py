@@ -22,7 +22,6 @@ from tactile_localizer.core.hypotheses.convergence import (
 from tactile_localizer.core.hypotheses.explanations import ELSEWHERE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
-from tactile_localizer.core.likelihood.other_material import variance_factor
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.weights import normalize
 from tactile_localizer.core.likelihood.white_noise import SweepNoise
@@ -92,7 +91,6 @@ class _Sweep(NamedTuple):
     trend : by which the sweep differs from the scan
     explanations : probabilities of what explains the strain
     strengths : (G, F) log-weights of the strengths of other material
-    energy : (F,) mean energy of the innovations from featureless material
     """
 
     model: SweepMixture
@@ -100,7 +98,6 @@ class _Sweep(NamedTuple):
     trend: Trend
     explanations: Explanations
     strengths: np.ndarray
-    energy: np.ndarray
 
 
 class Localizer:
@@ -121,7 +118,6 @@ class Localizer:
     information_length, presence_length : m of travel per independent measurement of the position, and of the
         material
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
-    quiet_energy : (F,) usual energy of the scan's innovations from featureless material
     anchors : trajectories that represent the whole map
     """
 
@@ -136,7 +132,6 @@ class Localizer:
         information_length: float,
         presence_length: float,
         registration_std: np.ndarray,
-        quiet_energy: np.ndarray,
         anchors: Anchors,
     ) -> None:
         self.scene = scene
@@ -150,7 +145,7 @@ class Localizer:
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
         self._consistency = PhalanxConsistency(scene.layout)
-        self._quiet_energy, self._anchors = quiet_energy, anchors
+        self._anchors = anchors
         self._stamp_unit = StampUnit()
         self._stamp_ns: int | None = None
         self._updated_ns = 0
@@ -231,7 +226,6 @@ class Localizer:
             trend=self.model.drift.start(1 + anchors),
             explanations=Explanations.start(anchors),
             strengths=self.model.other.start(),
-            energy=self._quiet_energy,
         )
         self._stamp_unit.reset()
         self._stamp_ns = None
@@ -258,30 +252,25 @@ class Localizer:
             sweep.trend, strain, places, expected, prediction.log_weights, stretch, exponent
         )
         off_map, level_variance = model.off_map(innovation)
-        energy, scale = variance_factor(
-            sweep.energy, model.other.energy(off_map, level_variance), self._quiet_energy, stretch
-        )
-        likeliest = int(prediction.log_weights.argmax())
-        likelihoods = model.evaluate(nodes, states, likeliest, innovation, scale, used)
-        other, strengths = model.other.update(
-            sweep.strengths, off_map, level_variance, scale, likelihoods.resembling, used, exponent
-        )
-        position = likelihoods.states
+        likelihoods = model.evaluate(nodes, states, innovation, used)
+        at_states, at_anchors = likelihoods[:states], likelihoods[states:]
+        other, strengths = model.other.update(sweep.strengths, off_map, level_variance, used, exponent)
+        position = at_states
         if self._position_model is not None:
             position = self._position_likelihood(prediction, innovation, strain, phalanges)
 
         belief = self.filter.update(exponent * position)
         weights = self.filter.weights()
-        tracked = normalize(prediction.log_weights + exponent * likelihoods.states)[1] / exponent
+        tracked = normalize(prediction.log_weights + exponent * at_states)[1] / exponent
         far = self._motion.travels(self._anchors.states - belief.mean) > ELSEWHERE
         material = min(1.0, stretch / self._presence_length)
         explanations = sweep.explanations.update(
             stretch,
-            np.where(far, material * (likelihoods.anchors - tracked), -np.inf),
+            np.where(far, material * (at_anchors - tracked), -np.inf),
             exponent * (other - tracked),
         )
 
-        self._sweep = _Sweep(model, weights, trend, explanations, strengths, energy)
+        self._sweep = _Sweep(model, weights, trend, explanations, strengths)
         self._belief = belief
         volume = float(model.noise.log_volume[used].sum())
         self._log_likelihoods = np.array([tracked, other]) + volume

@@ -19,7 +19,6 @@ from tactile_localizer.core.hypotheses.explanations import (
     Explanations,
 )
 from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend, innovations
-from tactile_localizer.core.likelihood.evaluation import Likelihoods
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap, VarianceModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
@@ -98,22 +97,20 @@ def turned_material(level_variance: float = 0.0) -> SweepMixture:
     return SweepMixture(noise, strain_map, drift, OtherMaterial(layout, np.eye(2), 1.0), 0.002)
 
 
-def felt_at_yaw(
-    yaw: float, weights: np.ndarray, model: SweepMixture
-) -> tuple[Likelihoods, Innovation, Trend]:
+def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[np.ndarray, Innovation, Trend]:
     """Likelihoods and innovation of what featureless material feels like at a yaw, and the trend after it."""
     places, log_weights = np.tile(YAWS, 2)[:, None], np.log(weights)
     nodes, expected = model.expected(places)
     start, felt = model.drift.start(len(places)), yaw * TURNING
     innovation, trend = model.innovation(start, felt, places, expected, log_weights, 0.0005, 1.0)
-    return model.evaluate(nodes, len(YAWS), 0, innovation, np.ones(1), np.ones(1, bool)), innovation, trend
+    return model.evaluate(nodes, len(YAWS), innovation, np.ones(1, bool)), innovation, trend
 
 
 def test_a_turned_hand_feels_what_featureless_material_feels_like_at_its_yaw() -> None:
     weights = np.exp(-0.5 * ((YAWS - 0.05) / 0.04) ** 2)
     found, innovation, _ = felt_at_yaw(YAWS[5], weights / weights.sum(), turned_material())
-    assert found.states.argmax() == found.anchors.argmax() == 5
-    assert found.states[5] == pytest.approx(0.0, abs=1e-4), "no residual"
+    assert found[: len(YAWS)].argmax() == found[len(YAWS) :].argmax() == 5
+    assert found[5] == pytest.approx(0.0, abs=1e-4), "no residual"
     np.testing.assert_allclose(innovation.strain + innovation.turned, YAWS[5] * TURNING, rtol=1e-6)
 
 

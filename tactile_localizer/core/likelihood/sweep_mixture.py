@@ -9,15 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend
-from tactile_localizer.core.likelihood.evaluation import Likelihoods
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import log_density
 
-_RESEMBLING = 9.0
-"""Variance, in variances of a visit, about what is expected, of material that resembles the map: three times
-as far from it. By judgement."""
 _ALIKE = 0.3
 """Difference of two components, in noise widths of a visit, below which they are one. It saves time."""
 _LARGEST_STRAIN = 1e9
@@ -168,20 +164,16 @@ class SweepMixture:
         self,
         nodes: np.ndarray,
         states: int,
-        likeliest: int,
         innovation: Innovation,
-        scale: np.ndarray,
         used: np.ndarray,
-    ) -> Likelihoods:
-        """Log-likelihoods of a strain at states and reference places.
+    ) -> np.ndarray:
+        """Log-likelihoods (N,) of a strain at states and reference places.
 
         Parameters
         ----------
         nodes : (N,) of the map, nearest to the P states and then to the R reference places
         states : their number P
-        likeliest : index of the likeliest of them before this strain
         innovation : of the strain, with the map's trend at these N places
-        scale : (F,) factor of the variance of a visit in this sweep
         used : (F,) bool, phalanges that count
         """
         components, gain = self._components, np.float32(self.map.gain)
@@ -198,7 +190,6 @@ class SweepMixture:
         residual = strain.take(place, axis=0)
         residual -= expected
         variance = components.variance.take(rows, axis=1)
-        variance *= scale.astype(np.float32)[:, None]
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
         projected = gain * np.square(self._sums @ (residual * expected).T)
         gain_variance = gain * (self._sums @ np.square(expected, out=expected).T)
@@ -210,14 +201,4 @@ class SweepMixture:
         # Relative to the first component, which is faster than to the largest of each place.
         first = plain.take(starts, axis=1).astype(np.float64)
         ratios = np.exp(np.minimum(plain - first.take(place, axis=1), _LARGEST_LOG_RATIO))
-        at_places = used @ (first + np.log([np.bincount(place, each) for each in ratios]))
-        own = slice(starts[likeliest], ends[likeliest])
-        resembling = log_density(
-            squared[:, own],
-            _RESEMBLING * variance[:, own],
-            self._channels,
-            projected[:, own],
-            gain_variance[:, own],
-        )
-        resembling = np.logaddexp.reduce(resembling + log_prior[own], axis=1).astype(np.float64)
-        return Likelihoods(at_places[:states], at_places[states:], resembling)
+        return np.asarray(used @ (first + np.log([np.bincount(place, each) for each in ratios])))
