@@ -4,9 +4,9 @@
 
 For each seed and feature a localizer is built from a simulated training scan and the shipped scene without
 its parameters, with ``--no-region`` also without the feature's region. It is tried on 18 test sweeps over the
-feature, 18 blank sweeps that end before it, and, for what no scan has shown, 18 sweeps over a seam and 18
-over material without a feature, the whole way; it is reset at the start of each. A row is a seed and a
-feature, and has
+feature, 18 blank sweeps that end before it, and, for what no scan has shown, 18 sweeps over a seam, over each
+of the other features and over material without one, the whole way; it is reset at the start of each. A row is
+a seed and a feature, and has
 
 ``error_mm``, ``error_settled_mm``
     mean over the sweeps of the mean error from contact to the feature's end, and from 4 mm after contact, mm
@@ -23,6 +23,8 @@ feature, and has
     converge
 ``foreign_strains``, ``foreign_sweeps``
     share of the strains after contact with the seam that are converged, and of the sweeps with such a strain
+``other_strains``, ``other_sweeps``
+    the same of the other features
 ``update_us``, ``update_open_us``, ``learning_s``
     median of a measurement update that is converged, and of one that is not, us; processor time of learning
     from the scan, s
@@ -75,10 +77,11 @@ def measure_feature(
     """The rows of one seed and feature, one for each configuration."""
     scene = bare(shipped_scene(feature), region)
     scan = simulate_scan(feature, seed)
-    own, blank, seam, none = (
-        simulate_recording(material, seed, "test", sweeps=sweeps, reach_feature=reach)
-        for material, reach in ((feature, True), (feature, False), ("seam", True), ("none", True))
-    )
+    blank = simulate_recording(feature, seed, "test", sweeps=sweeps, reach_feature=False)
+    recordings = {
+        material: simulate_recording(material, seed, "test", sweeps=sweeps)
+        for material in (*SIMULATED_FEATURES, "seam", "none")
+    }
     began = time.process_time()
     calibration = learn(scan, scene)
     learning_s = time.process_time() - began
@@ -86,22 +89,23 @@ def measure_feature(
     for configuration in configurations:
         rng = np.random.default_rng(seed)
         localizer = build_localizer(scan, scene, configuration, rng, calibration=calibration)
-        replayed = replay(localizer, own)
-        foreign_strains, foreign_sweeps = on_unscanned(replay(localizer, seam))
+        sweeps_over = {material: replay(localizer, each) for material, each in recordings.items()}
+        own = sweeps_over.pop(feature)
+        others = [sweep for other in SIMULATED_FEATURES for sweep in sweeps_over.get(other, [])]
         rows.append(
             {
                 "seed": seed,
                 "feature": feature,
                 "probability": configuration.convergence_probability,
                 "sweeps": sweeps,
-                **on_feature(scene, replayed),
-                **falsely_converged(scene, replayed, configuration.convergence_radius),
+                **on_feature(scene, own),
+                **falsely_converged(scene, own, configuration.convergence_radius),
                 "false_blank": ever_converged(replay(localizer, blank)),
-                "false_none": ever_converged(replay(localizer, none)),
-                "foreign_strains": foreign_strains,
-                "foreign_sweeps": foreign_sweeps,
+                "false_none": ever_converged(sweeps_over["none"]),
+                **on_unscanned(sweeps_over["seam"]),
+                **on_unscanned(others, "other"),
                 "learning_s": learning_s,
-                **update_times(replayed, read_us(scan)),
+                **update_times(own, read_us(scan)),
             }
         )
     return rows

@@ -30,6 +30,8 @@ COLUMNS = {
     "false_none": ("none", "d"),
     "foreign_strains": ("foreign strains", ".3f"),
     "foreign_sweeps": ("sweeps", ".2f"),
+    "other_strains": ("other strains", ".3f"),
+    "other_sweeps": ("sweeps", ".2f"),
     "update_us": ("update, us", ".0f"),
     "update_open_us": ("open", ".0f"),
     "update_reads": ("reads", ".1f"),
@@ -110,13 +112,14 @@ def standard_errors(
     }
 
 
-def on_unscanned(sweeps: Sequence[ReplayedSweep]) -> tuple[float, float]:
-    """Shares of converged strains from contact on, and of the sweeps with such a strain.
+def on_unscanned(sweeps: Sequence[ReplayedSweep], name: str = "foreign") -> Row:
+    """Shares of converged strains from contact on, ``<name>_strains``, and of the sweeps with one.
 
     A sweep without contact counts from its start.
     """
     flags = [sweep.converged[sweep.row >= sweep.contact[0]] for sweep in sweeps]
-    return float(np.mean(np.concatenate(flags))), float(np.mean([sweep.any() for sweep in flags]))
+    ever = [sweep.any() for sweep in flags]
+    return {f"{name}_strains": float(np.mean(np.concatenate(flags))), f"{name}_sweeps": float(np.mean(ever))}
 
 
 def ever_converged(sweeps: Sequence[ReplayedSweep]) -> int:

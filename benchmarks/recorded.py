@@ -220,9 +220,6 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         radius = configuration.convergence_radius
         return {**on_feature(scene, sweeps), **falsely_converged(scene, sweeps, radius)}
 
-    def on_foreign(sweeps: Sequence[ReplayedSweep]) -> Row:
-        return dict(zip(("foreign_strains", "foreign_sweeps"), on_unscanned(sweeps), strict=True))
-
     sweeps = replayed(test, added, variant.texture)
     memory = localizer.model.drift.memory
     row: Row = {
@@ -248,8 +245,8 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         row["false_blank"] = ever_converged(replayed(files["blank"], added, variant.texture))
     others = [replayed(path, 0.0 * added) for path in sorted(folder.glob("foreign_*.csv*"))]
     if foreign := [sweep for recording in others for sweep in recording]:
-        row |= on_foreign(foreign)
-        row["standard_errors"] |= standard_errors(on_foreign, foreign)
+        row |= on_unscanned(foreign)
+        row["standard_errors"] |= standard_errors(on_unscanned, foreign)
     return [row]
 
 
