@@ -251,10 +251,9 @@ class Localizer:
         innovation, trend = model.innovation(
             sweep.trend, strain, places, expected, prediction.log_weights, stretch, exponent
         )
-        off_map, level_variance = model.off_map(innovation)
-        likelihoods = model.evaluate(nodes, states, innovation, used)
+        likelihoods = model.on_map(nodes, states, innovation, used)
         at_states, at_anchors = likelihoods[:states], likelihoods[states:]
-        other, strengths = model.other.update(sweep.strengths, off_map, level_variance, used, exponent)
+        other, strengths = model.off_map(sweep.strengths, innovation, used, exponent)
         position = at_states
         if self._position_model is not None:
             position = self._position_likelihood(prediction, innovation, strain, phalanges)

@@ -153,14 +153,17 @@ class SweepMixture:
         nodes = self.map.nearest(places)
         return nodes, self._components.mean.take(self._components.starts.take(nodes), axis=0)
 
-    def off_map(self, innovation: Innovation) -> tuple[np.ndarray, np.ndarray]:
-        """Innovation (C,) of a strain from featureless material, and the variance (F,) of its level."""
+    def off_map(
+        self, strengths: np.ndarray, innovation: Innovation, used: np.ndarray, exponent: float
+    ) -> tuple[float, np.ndarray]:
+        """Log-likelihood of a strain on other material; see :meth:`.OtherMaterial.update`."""
         strain = innovation.strain
         if self._transform is not None:
             strain = self._transform @ strain
-        return strain, self.noise.layout.mean(innovation.level_variance)
+        level_variance = self.noise.layout.mean(innovation.level_variance)
+        return self.other.update(strengths, strain, level_variance, used, exponent)
 
-    def evaluate(
+    def on_map(
         self,
         nodes: np.ndarray,
         states: int,

@@ -45,7 +45,7 @@ def evaluated(
     level = np.full(layout.size, level_variance)
     innovation = Innovation(model.whitened(strain), np.zeros_like(expected), level)
     used = np.ones(layout.phalanges, dtype=bool) if used is None else used
-    found = model.evaluate(nodes, NODES, innovation, used)
+    found = model.on_map(nodes, NODES, innovation, used)
     return found[:NODES], found[NODES:]
 
 
