@@ -71,6 +71,7 @@ def build_localizer(
         information_length,
         learned.presence_length,
         calibration.registration_std,
+        learned.quiet_energy(mixture),
         Anchors(scene),
     )
     say("ready", 1.0)

@@ -22,6 +22,7 @@ from tactile_localizer.core.hypotheses.convergence import (
 from tactile_localizer.core.hypotheses.explanations import ELSEWHERE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
+from tactile_localizer.core.likelihood.other_material import variance_factor
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.weights import normalize
 from tactile_localizer.core.likelihood.white_noise import SweepNoise
@@ -91,6 +92,7 @@ class _Sweep(NamedTuple):
     trend : by which the sweep differs from the scan
     explanations : probabilities of what explains the strain
     strengths : (G, F) log-weights of the strengths of other material
+    energy : (F,) mean energy of the innovations from featureless material
     """
 
     model: SweepMixture
@@ -98,6 +100,7 @@ class _Sweep(NamedTuple):
     trend: Trend
     explanations: Explanations
     strengths: np.ndarray
+    energy: np.ndarray
 
 
 class Localizer:
@@ -118,6 +121,7 @@ class Localizer:
     information_length, presence_length : m of travel per independent measurement of the position, and of the
         material
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
+    quiet_energy : (F,) usual energy of the scan's innovations from featureless material
     anchors : trajectories that represent the whole map
     """
 
@@ -132,6 +136,7 @@ class Localizer:
         information_length: float,
         presence_length: float,
         registration_std: np.ndarray,
+        quiet_energy: np.ndarray,
         anchors: Anchors,
     ) -> None:
         self.scene = scene
@@ -145,7 +150,7 @@ class Localizer:
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
         self._consistency = PhalanxConsistency(scene.layout)
-        self._anchors = anchors
+        self._quiet_energy, self._anchors = quiet_energy, anchors
         self._stamp_unit = StampUnit()
         self._stamp_ns: int | None = None
         self._updated_ns = 0
@@ -226,6 +231,7 @@ class Localizer:
             trend=self.model.drift.start(1 + anchors),
             explanations=Explanations.start(anchors),
             strengths=self.model.other.start(),
+            energy=self._quiet_energy,
         )
         self._stamp_unit.reset()
         self._stamp_ns = None
@@ -251,9 +257,13 @@ class Localizer:
         innovation, trend = model.innovation(
             sweep.trend, strain, places, expected, prediction.log_weights, stretch, exponent
         )
-        likelihoods = model.on_map(nodes, states, innovation, used)
+        off_map, level_variance = model.off_map(innovation)
+        energy, scale = variance_factor(
+            sweep.energy, model.other.energy(off_map, level_variance), self._quiet_energy, stretch
+        )
+        likelihoods = model.on_map(nodes, states, innovation, scale, used)
         at_states, at_anchors = likelihoods[:states], likelihoods[states:]
-        other, strengths = model.off_map(sweep.strengths, innovation, used, exponent)
+        other, strengths = model.other.update(sweep.strengths, off_map, level_variance, scale, used, exponent)
         position = at_states
         if self._position_model is not None:
             position = self._position_likelihood(prediction, innovation, strain, phalanges)
@@ -269,7 +279,7 @@ class Localizer:
             exponent * (other - tracked),
         )
 
-        self._sweep = _Sweep(model, weights, trend, explanations, strengths)
+        self._sweep = _Sweep(model, weights, trend, explanations, strengths, energy)
         self._belief = belief
         volume = float(model.noise.log_volume[used].sum())
         self._log_likelihoods = np.array([tracked, other]) + volume

@@ -103,7 +103,7 @@ def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[n
     nodes, expected = model.expected(places)
     start, felt = model.drift.start(len(places)), yaw * TURNING
     innovation, trend = model.innovation(start, felt, places, expected, log_weights, 0.0005, 1.0)
-    return model.on_map(nodes, len(YAWS), innovation, np.ones(1, bool)), innovation, trend
+    return model.on_map(nodes, len(YAWS), innovation, np.ones(1), np.ones(1, bool)), innovation, trend
 
 
 def test_a_turned_hand_feels_what_featureless_material_feels_like_at_its_yaw() -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift, innovations
 from tactile_localizer.core.likelihood.noise_model import WhitenedScan, whiten
-from tactile_localizer.core.likelihood.other_material import OtherMaterial
+from tactile_localizer.core.likelihood.other_material import ENERGY_MEMORY, OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import (
     StrainMap,
     VarianceModel,
@@ -58,6 +59,19 @@ class SweepModel(NamedTuple):
         largest = OUTLIER * (signal + noise.layout.size * spread)
         drift = Drift(memory, spread, noise.offset_variance, largest)
         return SweepMixture(noise, table, drift, self._other(scene, table, spread), self.information_length)
+
+    def quiet_energy(self, mixture: SweepMixture) -> np.ndarray:
+        """Usual energy (F,) of the innovations of the scan's sweeps from featureless material."""
+        layout, exponent = self.scan.noise.layout, PITCH / self.information_length
+        width, found = round(ENERGY_MEMORY / PITCH), []
+        for own in self.scan.tracks.slices:
+            strain = self.scan.strain[own]
+            known = exponent * np.arange(len(strain))[:, None] + mixture.drift.prior
+            level = exponent * (np.cumsum(strain, axis=0) - strain) / np.maximum(known, 1e-9)
+            variance = layout.mean(mixture.drift.variance / np.maximum(known, 1e-9))
+            energy = mixture.other.energy(strain - level, variance)
+            found.append(uniform_filter1d(energy, width, axis=0, mode="nearest"))
+        return np.maximum(np.median(np.concatenate(found), axis=0), 1e-3)
 
     def _other(self, scene: Scene, table: StrainMap, spread: float) -> OtherMaterial:
         """The alternative to a map."""

@@ -12,6 +12,9 @@ _STRENGTHS = np.array([0.0, 0.03, 0.1, 0.3, 1.0, 3.0])
 _FORGOTTEN = 0.003
 """Fraction by which the probabilities of the strengths return to equal ones at each update."""
 
+ENERGY_MEMORY = 0.025
+"""m over which the energy of a sweep on featureless material is averaged. By judgement."""
+
 
 class OtherMaterial:
     """Likelihood of innovations on material that was not scanned, whose signal may have any strength.
@@ -51,11 +54,21 @@ class OtherMaterial:
         count = len(self._spread)
         return np.full((count, self._layout.phalanges), -np.log(count))
 
+    def energy(self, strain: np.ndarray, level_variance: np.ndarray) -> np.ndarray:
+        """Energy (..., F) of innovations (..., C) per channel, in variances of featureless material.
+
+        Large ones are bounded as by the weights of the t-distribution.
+        """
+        widths = self._layout.widths
+        squared = self._layout.sum(np.square(strain)) / (self._variance + level_variance)
+        return np.asarray(squared * (DEGREES_OF_FREEDOM + widths) / (DEGREES_OF_FREEDOM + squared) / widths)
+
     def update(
         self,
         log_weights: np.ndarray,
         strain: np.ndarray,
         level_variance: np.ndarray,
+        scale: np.ndarray,
         used: np.ndarray,
         exponent: float,
     ) -> tuple[float, np.ndarray]:
@@ -66,11 +79,12 @@ class OtherMaterial:
         log_weights : (G, F) of the strengths
         strain : (C,) innovation
         level_variance : (F,) of the level from which it deviates
+        scale : (F,) factor of the least variance in this sweep
         used : (F,) bool, phalanges that count
         exponent : fraction of an independent measurement that the innovation is
         """
         layout, tails = self._layout, DEGREES_OF_FREEDOM
-        variance = self._spread + layout.expand(self._variance + level_variance)
+        variance = self._spread + layout.expand(self._variance * scale + level_variance)
         squared = np.square(strain @ self._rotation) / variance
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
         densities -= 0.5 * layout.sum(np.log(variance))
@@ -79,3 +93,18 @@ class OtherMaterial:
         weights += _FORGOTTEN * (1.0 / len(weights) - weights)
         total = float(np.logaddexp.reduce(log_weights + densities)[used].sum())
         return total, np.where(used, np.log(weights), log_weights)
+
+
+def variance_factor(
+    before: np.ndarray, energy: np.ndarray, quiet: np.ndarray, travel: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Update the mean energy (F,) of a sweep, and derive the factor (F,) that scales its noise variance.
+
+    Parameters
+    ----------
+    before : (F,) mean energy before
+    energy : (F,) of the innovation after ``travel`` metres (:meth:`OtherMaterial.energy`)
+    quiet : (F,) its usual value in the scan
+    """
+    mean = before + min(1.0, travel / ENERGY_MEMORY) * (energy - before)
+    return mean, np.maximum(mean / quiet, 1.0)

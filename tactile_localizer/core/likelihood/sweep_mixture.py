@@ -153,21 +153,19 @@ class SweepMixture:
         nodes = self.map.nearest(places)
         return nodes, self._components.mean.take(self._components.starts.take(nodes), axis=0)
 
-    def off_map(
-        self, strengths: np.ndarray, innovation: Innovation, used: np.ndarray, exponent: float
-    ) -> tuple[float, np.ndarray]:
-        """Log-likelihood of a strain on other material; see :meth:`.OtherMaterial.update`."""
+    def off_map(self, innovation: Innovation) -> tuple[np.ndarray, np.ndarray]:
+        """Innovation (C,) of a strain from featureless material, and the variance (F,) of its level."""
         strain = innovation.strain
         if self._transform is not None:
             strain = self._transform @ strain
-        level_variance = self.noise.layout.mean(innovation.level_variance)
-        return self.other.update(strengths, strain, level_variance, used, exponent)
+        return strain, self.noise.layout.mean(innovation.level_variance)
 
     def on_map(
         self,
         nodes: np.ndarray,
         states: int,
         innovation: Innovation,
+        scale: np.ndarray,
         used: np.ndarray,
     ) -> np.ndarray:
         """Log-likelihoods (N,) of a strain at states and reference places.
@@ -177,6 +175,7 @@ class SweepMixture:
         nodes : (N,) of the map, nearest to the P states and then to the R reference places
         states : their number P
         innovation : of the strain, with the map's trend at these N places
+        scale : (F,) factor of the variance of a visit in this sweep
         used : (F,) bool, phalanges that count
         """
         components, gain = self._components, np.float32(self.map.gain)
@@ -193,6 +192,7 @@ class SweepMixture:
         residual = strain.take(place, axis=0)
         residual -= expected
         variance = components.variance.take(rows, axis=1)
+        variance *= scale.astype(np.float32)[:, None]
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
         projected = gain * np.square(self._sums @ (residual * expected).T)
         gain_variance = gain * (self._sums @ np.square(expected, out=expected).T)

@@ -38,14 +38,16 @@ def evaluated(
     strain: np.ndarray,
     used: np.ndarray | None = None,
     level_variance: float = 0.0,
+    scale: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Log-likelihoods at the nodes of a strain, V, of a sweep without an offset: of states and of anchors."""
     layout = model.noise.layout
     nodes, expected = model.expected(np.concatenate([STATES, STATES]))
     level = np.full(layout.size, level_variance)
     innovation = Innovation(model.whitened(strain), np.zeros_like(expected), level)
-    used = np.ones(layout.phalanges, dtype=bool) if used is None else used
-    found = model.on_map(nodes, NODES, innovation, used)
+    every = np.ones(layout.phalanges)
+    scale, used = every if scale is None else scale, every.astype(bool) if used is None else used
+    found = model.on_map(nodes, NODES, innovation, scale, used)
     return found[:NODES], found[NODES:]
 
 
@@ -54,14 +56,16 @@ def log_constant(channels: int) -> float:
     return float(gammaln((NU + channels) / 2) - gammaln(NU / 2) - channels / 2 * np.log(NU * np.pi))
 
 
-def direct(model: SweepMixture, node: int, volts: np.ndarray, components: int = COMPONENTS) -> np.ndarray:
+def direct(
+    model: SweepMixture, node: int, volts: np.ndarray, scale: np.ndarray, components: int = COMPONENTS
+) -> np.ndarray:
     """The log-densities (F,) at a node, by scipy and float64: visits differ in the gain of the signal."""
     found, strain = [], model.whitened(volts)
     for phalanx, own in enumerate(model.noise.layout.slices):
         terms, size = [], own.stop - own.start
         for component in range(components):
             mean = model.map.mean[node, component, own].astype(np.float64)
-            shape = float(model.map.variance[node, component, phalanx]) * np.eye(size)
+            shape = scale[phalanx] * float(model.map.variance[node, component, phalanx]) * np.eye(size)
             shape += GAIN * np.outer(mean, mean)
             density = stats.multivariate_t(mean, shape, df=NU).logpdf(strain[own])
             prior = model.map.log_prior[node, component] if components > 1 else 0.0
@@ -74,9 +78,10 @@ def direct(model: SweepMixture, node: int, volts: np.ndarray, components: int = 
 def test_float32_tables_agree_with_direct_evaluation(counts: tuple[int, ...]) -> None:
     model, rng = mixture(counts), np.random.default_rng(1)
     for volts in (1.0, 10.0, 1e3):
-        strain = volts * rng.standard_normal(sum(counts))
-        for found, components in zip(evaluated(model, strain), (COMPONENTS, 1), strict=True):
-            expected = [direct(model, node, strain, components).sum() for node in range(NODES)]
+        strain, scale = volts * rng.standard_normal(sum(counts)), rng.uniform(1.0, 4.0, len(counts))
+        both = evaluated(model, strain, scale=scale)
+        for found, components in zip(both, (COMPONENTS, 1), strict=True):
+            expected = [direct(model, node, strain, scale, components).sum() for node in range(NODES)]
             np.testing.assert_allclose(found, expected, atol=2e-3)
 
 
@@ -88,7 +93,7 @@ def test_components_that_are_alike_are_one() -> None:
     tables.variance[:, 1] = tables.variance[:, 0]
     merged = SweepMixture(model.noise, tables, model.drift, model.other, 0.002)
     found, _ = evaluated(merged, strain)
-    expected = [direct(merged, node, strain) for node in range(NODES)]
+    expected = [direct(merged, node, strain, np.ones(2)) for node in range(NODES)]
     np.testing.assert_allclose(found, np.sum(expected, axis=1), atol=0.1)
 
 
