@@ -85,6 +85,7 @@ class OtherMaterial:
         """
         layout, tails = self._layout, DEGREES_OF_FREEDOM
         variance = self._spread + layout.expand(self._variance * scale + level_variance)
+        variance[-1] *= layout.expand(scale)  # as those of the map: what is far off is not on it
         squared = np.square(strain @ self._rotation) / variance
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
         densities -= 0.5 * layout.sum(np.log(variance))

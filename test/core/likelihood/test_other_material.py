@@ -76,14 +76,15 @@ def test_strengths_follow_the_signal_of_each_phalanx_and_are_forgotten() -> None
 
 
 @pytest.mark.parametrize("volts", [1e2, 1e4, 1e8])
+@pytest.mark.parametrize("factor", [1.0, 6.0])
 def test_a_strain_in_another_unit_is_other_material_however_uncertain_a_place_of_the_map_is(
-    volts: float,
+    volts: float, factor: float
 ) -> None:
-    """Far off in every direction, also in those in which the map has no signal."""
-    strain = volts * np.random.default_rng(0).standard_normal(4)
-    total, _ = MATERIAL.update(MATERIAL.start(), strain, NONE, SCALE, BOTH, EXPONENT)
+    """Far off in every direction, also in those in which the map has no signal, and in a noisy sweep."""
+    strain, scale = factor * volts * np.random.default_rng(0).standard_normal(4), factor * SCALE
+    total, _ = MATERIAL.update(MATERIAL.start(), strain, NONE, scale, BOTH, EXPONENT)
     signal = np.array([np.linalg.eigvalsh(SIGNAL[own, own]).max() for own in LAYOUT.slices])
-    there = log_density(LAYOUT.sum(strain**2), 0.1 * signal, LAYOUT.widths).sum()
+    there = log_density(LAYOUT.sum(strain**2), 0.5 * scale * signal, LAYOUT.widths).sum()
     assert total > there
 
 
