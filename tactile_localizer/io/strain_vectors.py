@@ -69,6 +69,10 @@ class StrainReader:
         self._names, self._counts = names, counts
 
     def _count(self, sequence: int | None) -> None:
-        if sequence is not None and self._sequence is not None and 0 < sequence - self._sequence < _RESTART:
-            self.lost += sequence - self._sequence - 1
+        if sequence is not None and self._sequence is not None:
+            step = sequence - self._sequence
+            if 0 < step < _RESTART:
+                self.lost += step - 1
+            elif step < 0:  # a restart, or one of two publishers, between which a gap means nothing
+                sequence = None
         self._sequence = sequence

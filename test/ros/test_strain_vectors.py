@@ -12,7 +12,7 @@ AXES = (Axis("x", 0.0, 0.05),)
 SCENE = Scene("mixed", AXES, (Phalanx("thumb", (0.0,), 3), Phalanx("index", (0.0,), 19)))
 
 
-def message(size=30, status=(0, 1, 2), channels=(19, 8, 3)):
+def message(size=30, status=(0, 1, 2), channels=(19, 8, 3), sequence=()):
     from tactile_localizer.msg import StrainVectors
 
     return StrainVectors(
@@ -20,6 +20,7 @@ def message(size=30, status=(0, 1, 2), channels=(19, 8, 3)):
         strain=np.arange(float(size)).tolist(),
         status=list(status),
         channels=list(channels),
+        sequence=list(sequence),
     )
 
 
@@ -49,3 +50,15 @@ def test_a_change_of_channels_is_followed():
 def test_inconsistent_lengths_are_rejected(wrong):
     with pytest.raises(MeasurementError, match="strain vector of 3 phalanges"):
         reader().read(message(**wrong))
+
+
+@pytest.mark.parametrize(
+    ("sequences", "lost"),
+    [((7, 8, 11, 12), 2), ((7, 9, 0, 1, 3), 2), ((900, 0, 901, 1, 902, 2), 0)],
+    ids=["gap", "restart", "two publishers"],
+)
+def test_gaps_of_the_sequence_are_lost_vectors(sequences, lost):
+    own = reader()
+    for sequence in sequences:
+        own.read(message(sequence=(sequence, sequence, sequence)))
+    assert own.lost == lost
