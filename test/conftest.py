@@ -109,7 +109,7 @@ def node_process(process: Callable[..., Process]) -> Callable[..., Process]:
 def refusal(node_process: Callable[..., Process]) -> Callable[..., list[str]]:
     """Run a node that cannot start: ``refusal("driver_node", parameters)`` returns its output.
 
-    It runs in a process of its own: threads of the middleware, here also of earlier tests, write as well.
+    It runs in a separate process: threads left by earlier tests can still write to the output of this one.
     """
 
     def refused(name: str, parameters: dict[str, Any]) -> list[str]:

@@ -79,13 +79,12 @@ class OtherMaterial:
         log_weights : (G, F) of the strengths
         strain : (C,) innovation
         level_variance : (F,) of the level from which it deviates
-        scale : (F,) factor of the least variance in this sweep
+        scale : (F,) factor of the variances in this sweep, as on the map
         used : (F,) bool, phalanges that count
         exponent : fraction of an independent measurement that the innovation is
         """
         layout, tails = self._layout, DEGREES_OF_FREEDOM
-        variance = self._spread + layout.expand(self._variance * scale + level_variance)
-        variance[-1] *= layout.expand(scale)  # as those of the map: what is far off is not on it
+        variance = (self._spread + self._variance) * layout.expand(scale) + layout.expand(level_variance)
         squared = np.square(strain @ self._rotation) / variance
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
         densities -= 0.5 * layout.sum(np.log(variance))
@@ -99,7 +98,7 @@ class OtherMaterial:
 def variance_factor(
     before: np.ndarray, energy: np.ndarray, quiet: np.ndarray, travel: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Update the mean energy (F,) of a sweep, and derive the factor (F,) that scales its noise variance.
+    """Mean energy (F,) of a sweep after an update, and the ratio (F,) of its noise variance to the scan's.
 
     Parameters
     ----------
