@@ -130,7 +130,7 @@ def _position_model(
 ) -> tuple[MeasurementModel | None, float]:
     """Model for the position, and its travel per independent measurement, m; ``None``: the default model."""
     if configuration.model == SWEEP_MIXTURE:
-        return None, learned.information_length
+        return None, learned.scan.material.information_length
     without = _without_offsets(scan, scene, learned.scan.offsets)
     parameters = ModelParameters.from_mapping(scene.measurement)
     if parameters.position_std is None or parameters.strain_std is None:

@@ -246,11 +246,10 @@ class Localizer:
         travel = self._motion.travel(displacement)
         stretch = max(travel, self._update_distance)
         self._consistency.observe(last, present, travel)
-        phalanges, exponent = self._used(present), min(1.0, stretch / self._information_length)
-        used = np.ones(1, dtype=bool) if self.model.noise.joint else phalanges
+        used, exponent = self._used(present), min(1.0, stretch / self._information_length)
 
         prediction, sweep = self._predict(displacement, travel)
-        model = self._with_noise(sweep.model, phalanges)
+        model = self._with_noise(sweep.model, used)
         states = len(prediction.states)
         places = np.concatenate([prediction.states, self._anchors.states])
         nodes, expected = model.expected(places)
@@ -266,7 +265,7 @@ class Localizer:
         other, strengths = model.other.update(sweep.strengths, off_map, level_variance, scale, used, exponent)
         position = at_states
         if self._position_model is not None:
-            position = self._position_likelihood(prediction, innovation, strain, phalanges)
+            position = self._position_likelihood(prediction, innovation, strain, used)
 
         belief = self.filter.update(exponent * position)
         weights = self.filter.weights()
@@ -290,9 +289,8 @@ class Localizer:
         """The model for the noise of the sweep: that of before, or a new one where it changed by a fifth."""
         usual = self.model.noise.variance
         excess = np.minimum(self._noise.excess(self._update_distance), _SILENT * usual)
-        if self.model.noise.joint:
-            # All channels are whitened together: a phalanx that does not count is one that is all noise.
-            excess = np.where(self.scene.layout.expand(used), excess, _SILENT * usual)
+        # Channels are whitened together: a phalanx that does not count is one that is all noise.
+        excess = np.where(self.scene.layout.expand(used), excess, _SILENT * usual)
         changed = np.abs(excess - model.excess) > _CHANGED * (usual + model.excess)
         return self.model.with_noise(excess) if changed.any() else model
 
@@ -322,9 +320,8 @@ class Localizer:
     ) -> np.ndarray:
         """Log-likelihoods (P,) by the model for the position, of the strain without the sweep's offset."""
         assert self._position_model is not None
-        if self.model.map.featureless_variance is not None:
-            trend = np.exp(prediction.log_weights) @ innovation.map_trend[: len(prediction.states)]
-            strain = self.model.in_volts(innovation.strain + innovation.turned + trend)
+        trend = np.exp(prediction.log_weights) @ innovation.map_trend[: len(prediction.states)]
+        strain = self.model.in_volts(innovation.strain + innovation.turned + trend)
         return self._position_model.log_likelihood(prediction.states, strain, used)
 
     def _decide(self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float) -> None:

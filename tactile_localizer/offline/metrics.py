@@ -93,7 +93,7 @@ def with_contact(recording: Recording, scene: Scene, model: SweepMixture) -> Rec
     recording : recording with the axes and phalanges of ``scene``
     model : measurement model of the localizer
     """
-    if model.map.featureless_variance is None:
+    if model.material.sheet < 0.5:
         return recording
     expected = np.einsum("mk,mkc->mc", np.exp(model.map.log_prior), model.map.mean)
     on_feature = np.max(scene.layout.mean(expected**2), axis=1) > 1.0

@@ -17,7 +17,6 @@ import numpy as np
 
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
 from tactile_localizer.core.scan.interpolation import interpolate
@@ -92,11 +91,10 @@ def register(model: SweepModel, points: slice, without: np.ndarray) -> tuple[np.
     spread = model.variance.variance(expected, layout)[: len(positions), 0]
     mean = expected.average.reshape(len(beside), len(positions), -1)
     residual, slope = scan.strain[points] - mean[0], (mean[1 : 1 + axes] - mean[1 + axes :]) / (2.0 * step)
-    if not material.has_level:
-        residual = innovations(residual, material.memory, PITCH, robust=True)
-        slope = np.stack([innovations(each, material.memory, PITCH) for each in slope])
+    residual = material.innovations(residual, PITCH, robust=True)
+    slope = np.stack([material.innovations(each, PITCH) for each in slope])
     travel = np.linalg.norm(np.diff(positions * scale, axis=0, prepend=positions[:1] * scale), axis=1)
-    exponent = PITCH / model.information_length
+    exponent = PITCH / material.information_length
     drift = np.diag(np.square(scene.motion_std * scale))
     # A line may be mistaken for another one, but not for one that was not scanned.
     widths = np.minimum(_WRONG_PLACE_M, np.ptp(tracks.positions, axis=0) * scale / math.sqrt(12.0))

@@ -134,21 +134,23 @@ class Drift:
         return Innovation(strain_left, map_trend, level_variance), following
 
 
-def innovations(values: np.ndarray, memory: float, pitch: float, robust: bool = False) -> np.ndarray:
+def innovations(values: np.ndarray, memory: float, level_variance: float, pitch: float, robust: bool = False) -> np.ndarray:
     """Innovations (n, C) of ``values`` (n, C) at every ``pitch`` metres of a sweep; the first is zero.
 
     With ``robust``, a step that is large compared with the noise begins a new level.
     """
+    if level_variance == 0.0:
+        return values
     count, channels = values.shape
     scale, largest = np.ones(channels), np.inf
     if robust and count > 1:
         scale = np.maximum(np.median(np.abs(np.diff(values, axis=0)), axis=0), np.finfo(np.float64).tiny)
         largest = OUTLIER * channels
-    drift = Drift(memory, 1.0, np.full(channels, np.inf), largest)
+    drift = Drift(memory, 1.0, np.full(channels, level_variance), largest)
     nowhere = np.zeros((0, channels), dtype=np.float32)
     trend, found = drift.start(0), np.zeros_like(values)
     for row in range(count):
         innovation, trend = drift.update(trend, values[row] / scale, nowhere, pitch, 1.0)
         found[row] = innovation.strain * scale
-    found[:1] = 0.0
+    found[:1] *= drift.prior / (1.0 + drift.prior)
     return found

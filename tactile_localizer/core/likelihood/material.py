@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
+from tactile_localizer.core.likelihood.drift import innovations
+
 _SHEET, _CLOTH = 0.1, 0.3
 """Texture ratios up to which a material is a sheet, and from which it is cloth. By judgement."""
 _SESSION_RATIO = 4.0
@@ -14,37 +18,61 @@ _CLOTH_MEMORY = 0.01
 _SHEET_LENGTH, _CLOTH_LENGTH = 0.0017, 0.006
 """Information lengths, m. By judgement."""
 
+_SETTLED = 10.0
+"""Strains from which the level of a sweep is known."""
+
 
 class Material(NamedTuple):
     """Parameters of the model that depend on the material.
 
     Parameters
     ----------
-    has_level : whether the strain of featureless places defines the level of a sweep. If it does not, the
-        noise of all phalanges is whitened jointly, because the ripple of the force is common to them
-    session_ratio : variance of the level of a new sweep, in that of the scan's sweeps; infinite: unknown
-    memory : m of travel over which the level is averaged; infinite for a constant
-    information_length : m of travel per independent measurement of the position
+    sheet : from 0, cloth that is felt everywhere, to 1, a sheet that is featureless between features. So far
+        the strain of featureless places defines the level of a sweep
     """
 
-    has_level: bool
-    session_ratio: float
-    memory: float
-    information_length: float
+    sheet: float
 
     @classmethod
     def of(cls, texture_ratio: float) -> Material:
-        """Interpolate between a sheet and cloth.
+        """The material of a scan.
 
         Parameters
         ----------
         texture_ratio : median of the signal's energy over all places, divided by its 0.9 quantile; nearly
             zero on a sheet with few features
         """
-        sheet = min(max((_CLOTH - texture_ratio) / (_CLOTH - _SHEET), 0.0), 1.0)
-        return cls(
-            has_level=sheet > 0.5,
-            session_ratio=_SESSION_RATIO / sheet if sheet > 0.0 else math.inf,
-            memory=_CLOTH_MEMORY / (1.0 - sheet) if sheet < 1.0 else math.inf,
-            information_length=sheet * _SHEET_LENGTH + (1.0 - sheet) * _CLOTH_LENGTH,
-        )
+        return cls(min(max((_CLOTH - texture_ratio) / (_CLOTH - _SHEET), 0.0), 1.0))
+
+    @property
+    def session_ratio(self) -> float:
+        """Variance of the level of a new sweep, in that of the scan's sweeps; infinite: unknown."""
+        return _SESSION_RATIO / self.sheet if self.sheet > 0.0 else math.inf
+
+    @property
+    def level_variance(self) -> float:
+        """Variance of what is left of the level of a scan's sweep, in that of a strain."""
+        return (1.0 - self.sheet) / self.sheet if self.sheet > 0.0 else math.inf
+
+    @property
+    def unsettled(self) -> int:
+        """Innovations at the beginning of a sweep that are left out, because its level is hardly known."""
+        return round(max(_SETTLED - 1.0 / max(self.level_variance, 1e-300), 0.0))
+
+    @property
+    def memory(self) -> float:
+        """Travel over which the level is averaged, m; infinite for a constant."""
+        return _CLOTH_MEMORY / (1.0 - self.sheet) if self.sheet < 1.0 else math.inf
+
+    @property
+    def information_length(self) -> float:
+        """Travel per independent measurement of the position, m."""
+        return self.sheet * _SHEET_LENGTH + (1.0 - self.sheet) * _CLOTH_LENGTH
+
+    def mixed(self, sheet: np.ndarray, cloth: np.ndarray | float) -> np.ndarray:
+        """A value in between one for a sheet and one for cloth."""
+        return self.sheet * sheet + (1.0 - self.sheet) * cloth
+
+    def innovations(self, values: np.ndarray, pitch: float, robust: bool = False) -> np.ndarray:
+        """What of values (n, C) at every ``pitch`` metres of a scan's sweep is not its level."""
+        return innovations(values, self.memory, self.level_variance, pitch, robust)

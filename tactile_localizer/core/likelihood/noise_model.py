@@ -14,7 +14,6 @@ from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
-from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.student_t import scatter
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise, white_noise
@@ -31,8 +30,6 @@ _FEATURELESS_STRETCH = 0.2
 fraction of the sweep."""
 _STRETCH = 0.02
 """m over which the energy of the reproducible signal is averaged."""
-BEFORE = 10
-"""Innovations at the beginning of a sweep that are left out, where the trend is hardly known."""
 _LONGEST = 4.0
 """Length at which a deviation is shortened, in median lengths: one absurd strain does not count."""
 _SMOOTHING = 0.002
@@ -52,7 +49,6 @@ class NoiseModel:
     offset_variance : (C,) whitened variance of the level of a new sweep; infinite: it is unknown
     turning : (C,) change of the whitened featureless strain per rad of yaw: friction turns with the hand
     white : white noise of the scan's channels
-    joint : whether all phalanges are whitened together, as one
     """
 
     layout: ChannelLayout
@@ -62,19 +58,14 @@ class NoiseModel:
     offset_variance: np.ndarray
     turning: np.ndarray
     white: WhiteNoise
-    joint: bool
 
     def rewhitening(self, excess: np.ndarray) -> np.ndarray:
         """Transform (C, C) of whitened strains that whitens a noisier visit.
 
         ``excess`` (C,), V^2, is the variance by which each raw channel is noisier.
         """
-        transform = np.zeros_like(self.whitening)
-        for own in self.layout.slices:
-            block = self.whitening[own, own]
-            covariance = np.eye(len(block)) + (block * excess[own]) @ block.T
-            transform[own, own] = np.linalg.inv(np.linalg.cholesky(covariance))
-        return transform
+        covariance = np.eye(len(excess)) + (self.whitening * excess) @ self.whitening.T
+        return np.linalg.inv(np.linalg.cholesky(covariance))
 
     @cached_property
     def variance(self) -> np.ndarray:
@@ -124,51 +115,39 @@ def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
     spacing, number, layout = line_spacing(tracks), tracks.number, scene.layout
     held_out = hold_out(tracks, spacing) if len(tracks) > 1 else None
     resolution = _resolution(scan.strain_on(scene))
-    first = _whitening(_differences(tracks.strain, held_out, spacing, np.inf), resolution, layout)
+    sheet = Material(1.0)
+    level = np.array([np.median(tracks.strain[own], axis=0) for own in tracks.slices])
+    differences = _differences(tracks.strain - level[number], held_out, spacing, sheet)
+    first = _whitening(differences, resolution, layout, sheet)
     flat = [_featureless_strain(tracks.strain[own] @ first.T) for own in tracks.slices]
     level = np.array(flat) @ np.linalg.inv(first).T
-    strain = tracks.strain - level[number]
-    # Without featureless places an offset cannot be distinguished from a change of place.
-    turning, offset_variance = np.zeros(layout.size), np.full(layout.size, np.inf)
-    material = Material.of(_texture_ratio(strain @ first.T, held_out, layout))
-    if material.has_level:
-        turning = _turning(level, tracks)
-        level = level - np.outer(_yaws(tracks), turning)
-        centre = level.mean(axis=0)
-        whitening = _whitening(_differences(strain, held_out, spacing), resolution, layout)
-        offset_variance = material.session_ratio * _offset_variance(level @ whitening.T, layout)
-    else:
-        layout = ChannelLayout((layout.size,))
-        centre = np.mean([tracks.strain[own].mean(axis=0) for own in tracks.slices], axis=0)
-        level, strain = np.broadcast_to(centre, level.shape), tracks.strain - centre
-        differences = _differences(strain, held_out, spacing, material.memory)
-        whitening = _whitening(differences, resolution, layout)
-    log_volume = np.array([np.log(np.diag(whitening)[own]).sum() for own in layout.slices])
+    material = Material.of(_texture_ratio((tracks.strain - level[number]) @ first.T, held_out, layout))
+    # The less of a sweep is featureless, the less is known of its level.
+    turning = _turning(level, tracks)
+    offsets = level - np.outer(_yaws(tracks), turning)
+    centre = offsets.mean(axis=0)
+    strain = tracks.strain - material.mixed(level, centre)[number]
+    differences = _differences(strain, held_out, spacing, material)
+    whitening = _whitening(differences, resolution, layout, material)
     noise = NoiseModel(
         layout,
         centre,
         whitening,
-        log_volume,
-        offset_variance,
-        whitening @ turning,
+        np.array([np.log(np.diag(whitening)[own]).sum() for own in layout.slices]),
+        material.session_ratio * _offset_variance(offsets @ whitening.T, layout),
+        material.sheet * whitening @ turning,
         white_noise(scan, scene),
-        not material.has_level,
     )
     strain = strain @ whitening.T
-    if material.has_level:
-        signal = _shrink(strain, tracks, scene)
-    else:
-        signal = strain * _reproducible_fraction(strain, held_out, material.memory)
-    return WhitenedScan(tracks, spacing, held_out, material, noise, level - centre, strain, signal)
+    kept = material.mixed(_kept(strain, tracks, scene), _reproducible_fraction(strain, held_out, material))
+    offsets = material.sheet * (offsets - centre)
+    return WhitenedScan(tracks, spacing, held_out, material, noise, offsets, strain, kept * strain)
 
 
 def _differences(
-    strain: np.ndarray, held_out: HeldOut | None, spacing: float, memory: float | None = None
+    strain: np.ndarray, held_out: HeldOut | None, spacing: float, material: Material
 ) -> np.ndarray:
-    """Differences (m, C) of tracks with ``strain`` (n, C) from the others, scaled to the variance of a visit.
-
-    With ``memory``, m, they are innovations, infinite: deviations from the median.
-    """
+    """Differences (m, C) of tracks with ``strain`` (n, C) from the others, scaled to the variance of a visit."""
     if held_out is None:  # the roughness along the sweep is the only measure of noise
         roughness = np.diff(strain, n=2, axis=0) / np.sqrt(6.0)
         return roughness if len(roughness) else np.zeros_like(strain)
@@ -177,25 +156,23 @@ def _differences(
     near, found = expected.distance <= 2.0 * max(spacing, 2.0 * PITCH), []
     for own in held_out.slices:
         inside, difference = near[own] | ~near[own].any(), differences[own]
-        if memory is not None and np.isfinite(memory):
-            difference = innovations(difference, memory, PITCH, robust=True)
-            inside &= np.arange(len(inside)) >= min(BEFORE, len(inside) // 2)
-        elif memory is not None:
-            difference = difference - np.median(difference[inside], axis=0)
-        found.append(difference[inside])
+        inside &= np.arange(len(inside)) >= min(material.unsettled, len(inside) // 2)
+        found.append(material.innovations(difference, PITCH, robust=True)[inside])
     return np.concatenate(found)
 
 
-def _whitening(differences: np.ndarray, resolution: np.ndarray, layout: ChannelLayout) -> np.ndarray:
-    """Inverse Cholesky factor of the robust scatter of differences (m, C), a block per phalanx."""
-    whitening = np.zeros((differences.shape[1],) * 2)
+def _whitening(
+    differences: np.ndarray, resolution: np.ndarray, layout: ChannelLayout, material: Material
+) -> np.ndarray:
+    """Inverse Cholesky factor of the robust scatter of differences (m, C)."""
+    # Scaled per channel, so that the result does not depend on the unit.
+    unit = np.maximum(np.sqrt(np.mean(differences**2, axis=0)), resolution)
+    scaled, separate = differences / unit, np.zeros((layout.size,) * 2)
     for own in layout.slices:
-        # Scaled per channel, so that the result does not depend on the unit.
-        unit = np.maximum(np.sqrt(np.mean(differences[:, own] ** 2, axis=0)), resolution[own])
-        matrix = scatter(differences[:, own] / unit)
-        matrix += np.diag(_DIAGONAL_LOADING * matrix.diagonal() + (resolution[own] / unit) ** 2 / 12.0)
-        whitening[own, own] = np.linalg.inv(np.linalg.cholesky(matrix)) / unit
-    return whitening
+        separate[own, own] = scatter(scaled[:, own])
+    matrix = material.mixed(separate, scatter(scaled))
+    matrix += np.diag(_DIAGONAL_LOADING * matrix.diagonal() + (resolution / unit) ** 2 / 12.0)
+    return np.linalg.inv(np.linalg.cholesky(matrix)) / unit
 
 
 def _resolution(strain: np.ndarray) -> np.ndarray:
@@ -239,7 +216,7 @@ def _turning(level: np.ndarray, tracks: Tracks) -> np.ndarray:
 
 def _offset_variance(offsets: np.ndarray, layout: ChannelLayout) -> np.ndarray:
     """Variance (C,) of the sweeps' offsets (S, C), averaged with its mean over the phalanx (few sweeps)."""
-    variance = offsets.var(axis=0, ddof=1)
+    variance = offsets.var(axis=0, ddof=min(1, len(offsets) - 1)) + np.finfo(np.float64).tiny
     return np.asarray(0.5 * (variance + layout.expand(layout.mean(variance))))
 
 
@@ -257,7 +234,7 @@ def _texture_ratio(whitened: np.ndarray, held_out: HeldOut | None, layout: Chann
     return float(max(typical, 0.0) / max(strong, 1e-300))
 
 
-def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, memory: float) -> float:
+def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, material: Material) -> float:
     """Slope, from 0 to 1, of the innovations of tracks with ``strain`` (n, C) on those of the others.
 
     The less of a map is signal, the less of it is expected of a new visit; 1 of a single track.
@@ -268,7 +245,7 @@ def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, memory:
     product = energy = 0.0
     for own in held_out.slices:
         felt, there = (
-            bounded(innovations(each[own], memory, PITCH, robust=True)[BEFORE:])
+            bounded(material.innovations(each[own], PITCH, robust=True)[material.unsettled:])
             for each in (strain[held_out.points], expected)
         )
         product += float(np.sum(felt * there))
@@ -283,7 +260,7 @@ def bounded(values: np.ndarray) -> np.ndarray:
     return np.asarray(values * np.minimum(1.0, longest / np.maximum(length, 1e-300)))
 
 
-def _shrink(strain: np.ndarray, tracks: Tracks, scene: Scene) -> np.ndarray:
+def _kept(strain: np.ndarray, tracks: Tracks, scene: Scene) -> np.ndarray:
     """Deviations (n, C) shrunk by the noise in their energy (James and Stein, 1961).
 
     Featureless places become exactly equal, and carry no information on the position (paper, III-D). Outside
@@ -293,7 +270,7 @@ def _shrink(strain: np.ndarray, tracks: Tracks, scene: Scene) -> np.ndarray:
     kept = np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0)
     if scene.feature is not None:
         kept = kept * phalanges_on_feature(scene, tracks.positions)
-    return np.asarray(strain * scene.layout.expand(kept))
+    return np.asarray(scene.layout.expand(kept))
 
 
 def _smoothed(values: np.ndarray, slices: list[slice], length: float = _SMOOTHING) -> np.ndarray:

@@ -11,8 +11,7 @@ import numpy as np
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.base import flatten_axes
-from tactile_localizer.core.likelihood.drift import innovations
-from tactile_localizer.core.likelihood.noise_model import BEFORE, WhitenedScan, bounded
+from tactile_localizer.core.likelihood.noise_model import WhitenedScan, bounded
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
 from tactile_localizer.core.scan.interpolation import Expectation, interpolate, tiles
 from tactile_localizer.core.scan.tracks import PITCH
@@ -85,7 +84,7 @@ class StrainMap(NamedTuple):
     variance : (M, K, F) float32, variance of a new visit about it
     log_prior : (M, K) float32, of the components
     gain : variance of the factor by which visits differ in the signal of a phalanx
-    featureless_variance : of a visit to featureless material; ``None`` where the material is felt everywhere
+    featureless_variance : of a visit to featureless material, the least
     turning : (d, C) change of the whitened strain of featureless material per m (rad) of each axis: zero but
         for yaw; not in ``mean``
     """
@@ -97,7 +96,7 @@ class StrainMap(NamedTuple):
     variance: np.ndarray
     log_prior: np.ndarray
     gain: float
-    featureless_variance: float | None
+    featureless_variance: float
     turning: np.ndarray
 
     def nearest(self, states: np.ndarray) -> np.ndarray:
@@ -140,35 +139,35 @@ def fit_variance(scan: WhitenedScan) -> VarianceModel:
     first = interpolation.best(1).expected(scan.signal)
     residuals = scan.strain[points] - first.mean[:, 0]
     parts = [np.arange(own.start, own.stop) for own in slices]
-    if not material.has_level:
-        for own in slices:
-            residuals[own] = innovations(residuals[own], material.memory, PITCH, robust=True)
-        parts = [own[min(BEFORE, len(own) // 2) :] for own in parts]
+    for own in slices:
+        residuals[own] = material.innovations(residuals[own], PITCH, robust=True)
+    parts = [own[min(material.unsettled, len(own) // 2) :] for own in parts]
     thinned = np.concatenate([own[:: max(1, len(own) // _MOST_POINTS)] for own in parts])
     expected = interpolation.at(thinned).expected(scan.signal)
     by_component = residuals[thinned, None] + first.mean[thinned] - expected.mean
-    start = VarianceModel()
-    if material.has_level:
-        start = replace(start, signal=_FIRST_SIGNAL, gain=_FIRST_GAIN)
-    fitted = _fitted(start, expected, by_component, layout)
+    fitted = _fitted(expected, by_component, layout, material.sheet)
     scaled = residuals / np.sqrt(layout.expand(fitted.variance(first, layout)[:, 0]))
     length = summed_correlation([scaled[own] for own in parts], fitted.summed_correlation)
     return replace(fitted, summed_correlation=length)
 
 
 def _fitted(
-    start: VarianceModel, expected: Expectation, residual: np.ndarray, layout: ChannelLayout
+    expected: Expectation, residual: np.ndarray, layout: ChannelLayout, sheet: float
 ) -> VarianceModel:
     """Factors under which residuals (M, K, C) are likeliest.
+
+    The signal counts as far as the material is a ``sheet``, with a level from which it deviates.
 
     EM averages over the component and the scale of the t-distribution; the maximum over each
     factor of a bound of what is left is in closed form (Zhou et al., 2019, square root left out). The first
     values count as one observation each, so that they stay where there is none.
     """
-    first = np.append(start.factors, start.gain)
+    counts = np.array([1.0, sheet, 1.0, sheet])
+    first = np.append(VarianceModel(signal=_FIRST_SIGNAL).factors, _FIRST_GAIN)
     terms, widths, axes = _terms(expected, layout), layout.widths, ([1, 2, 3], [0, 1, 2])
-    squared, energy = layout.sum(residual**2), layout.sum(expected.mean**2)
-    product = layout.sum(residual * expected.mean)
+    terms[1] *= sheet
+    squared, energy = layout.sum(residual**2), sheet * layout.sum(expected.mean**2)
+    product = np.sqrt(sheet) * layout.sum(residual * expected.mean)
     factors = first
     for _ in range(_MOST_ITERATIONS):
         variance, gain = np.tensordot(factors[:3], terms, 1), factors[3]
@@ -188,7 +187,7 @@ def _fitted(
         factors = np.maximum(factors * ratio, [_LEAST_VISIT, 0.0, 0.0, 0.0])
         if np.abs(ratio[factors > 0.0] - 1.0).max() < _CONVERGED:
             break
-    return VarianceModel(*factors.tolist())
+    return VarianceModel(*(counts * factors).tolist())
 
 
 def build_map(
@@ -219,9 +218,8 @@ def build_map(
         for table, each in zip(tables, found, strict=True):
             table[part] = each
     mean, spread, prior = tables
-    least = float(spread.min()) if scan.material.has_level else None
     by_axis = np.outer([name == "yaw" for name in scene.axis_names], scan.noise.turning)
-    return StrainMap(origin, step, shape, mean, spread, prior, variance.gain, least, by_axis)
+    return StrainMap(origin, step, shape, mean, spread, prior, variance.gain, float(spread.min()), by_axis)
 
 
 def summed_correlation(series: Sequence[np.ndarray], otherwise: float) -> float:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
@@ -49,7 +50,7 @@ class SweepMixture:
     strain_map : tables of expected strain and variance
     drift : filter of what a sweep differs by
     other : material that was not scanned
-    information_length : m of travel per independent measurement of the position
+    material : from a sheet to cloth
 
     Attributes
     ----------
@@ -62,10 +63,10 @@ class SweepMixture:
         strain_map: StrainMap,
         drift: Drift,
         other: OtherMaterial,
-        information_length: float,
+        material: Material,
     ) -> None:
         self.noise, self.map, self.drift, self.other = noise, strain_map, drift, other
-        self.information_length = information_length
+        self.material = material
         layout = noise.layout
         self._channels = np.array(layout.counts, dtype=np.float32)[:, None]
         # A product with these rows sums over the channels of each phalanx.
