@@ -15,7 +15,7 @@ _SESSION_RATIO = 4.0
 """Variance ratio of sheets: another session differs twice as much. By judgement."""
 _CLOTH_MEMORY = 0.01
 """m of travel over which the level is averaged on cloth. By judgement."""
-_SHEET_LENGTH, _CLOTH_LENGTH = 0.0017, 0.006
+_SHEET_LENGTH, _CLOTH_LENGTH = 0.0017, 0.0065
 """Information lengths, m. By judgement."""
 
 _SETTLED = 10.0
