@@ -19,6 +19,7 @@ from tactile_localizer.core.hypotheses.explanations import (
     Explanations,
 )
 from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend, innovations
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap, VarianceModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
@@ -75,7 +76,7 @@ def test_a_step_fades_as_in_a_critically_damped_system() -> None:
     """The level forgets over a memory m, the rate is learned over 4 m: (1 - t / 2m) exp(-t / 2m)."""
     memory, pitch = 0.01, 0.00005
     steps = np.repeat([0.0, 1.0], [8000, 1600])[:, None]
-    found = innovations(steps, memory, pitch)[8000:, 0]
+    found = innovations(steps, memory, np.inf, pitch)[8000:, 0]
     half_turns = np.arange(len(found)) * pitch / (2.0 * memory)
     np.testing.assert_allclose(found, (1.0 - half_turns) * np.exp(-half_turns), atol=0.01)
 
@@ -92,9 +93,9 @@ def turned_material(level_variance: float = 0.0) -> SweepMixture:
     noise = noise_model(layout, offset_variance=level_variance, turning=TURNING)
     lattice, same = (YAWS[:1], np.full(1, 0.01), (41,)), np.zeros((41, 1, 2), np.float32)
     tables = same, np.ones((41, 1, 1), np.float32), same[..., 0]
-    strain_map = StrainMap(*lattice, *tables, 0.0, 1.0, TURNING[None])
+    strain_map = StrainMap(*lattice, *tables, 0.0, TURNING[None])
     drift = Drift(np.inf, 1.0, np.full(2, level_variance))
-    return SweepMixture(noise, strain_map, drift, OtherMaterial(layout, np.eye(2), 1.0), 0.002)
+    return SweepMixture(noise, strain_map, drift, OtherMaterial(layout, np.eye(2), 1.0), Material(1.0))
 
 
 def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[np.ndarray, Innovation, Trend]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.io.recording import NO_CONTACT, Recording
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.offline.metrics import with_contact
@@ -37,5 +38,5 @@ def test_unrecorded_contact_is_taken_from_the_map() -> None:
     without_truth = replace(test, sweeps=tuple(replace(s, felt=None, truth=None) for s in test.sweeps))
     assert with_contact(without_truth, SCENE, model).sweeps[0].felt is None
     textured = copy(model)
-    textured.map = model.map._replace(featureless_variance=None)
+    textured.material = Material(0.0)
     assert with_contact(unmarked(test), SCENE, textured).sweeps[0].felt is None

@@ -45,11 +45,11 @@ class SweepModel(NamedTuple):
         """The measurement model for cells (d,) of a grid."""
         noise, material = self.scan.noise, self.scan.material
         table = build_map(self.scan, self.variance, scene, cell)
-        spread = table.featureless_variance
+        featureless = float(material.mixed(table.variance.min(), np.median(table.variance)))
         signal = float(np.square(table.mean[:, 0]).sum(axis=1).max())
-        largest = OUTLIER * (signal + noise.layout.size * spread)
-        drift = Drift(material.memory, spread, noise.offset_variance, largest)
-        return SweepMixture(noise, table, drift, self._other(scene, table), material)
+        largest = OUTLIER * (signal + noise.layout.size * featureless)
+        drift = Drift(material.memory, featureless, noise.offset_variance, largest)
+        return SweepMixture(noise, table, drift, self._other(scene, table, featureless), material)
 
     def quiet_energy(self, mixture: SweepMixture) -> np.ndarray:
         """Usual energy (F,) of the innovations of the scan's sweeps from featureless material."""
@@ -64,7 +64,7 @@ class SweepModel(NamedTuple):
             found.append(uniform_filter1d(energy, width, axis=0, mode="nearest"))
         return np.maximum(np.median(np.concatenate(found), axis=0), 1e-3)
 
-    def _other(self, scene: Scene, table: StrainMap) -> OtherMaterial:
+    def _other(self, scene: Scene, table: StrainMap, variance: float) -> OtherMaterial:
         """The alternative to a map."""
         layout, material = self.scan.noise.layout, self.scan.material
         along, pitch = table.shape[0], float(table.step[0] * levers(scene)[0])
@@ -76,7 +76,7 @@ class SweepModel(NamedTuple):
             felt = part[np.square(part).sum(axis=1) > 1.0]
             part = felt if len(felt) > 10 else part
             covariance[own, own] = part.T @ part / max(len(part), 1)
-        return OtherMaterial(layout, covariance, table.featureless_variance)
+        return OtherMaterial(layout, covariance, variance)
 
     def cell(self, scene: Scene, lines: float) -> np.ndarray:
         """Size (d,) of cells of ``lines`` line spacings."""

@@ -134,10 +134,14 @@ class Drift:
         return Innovation(strain_left, map_trend, level_variance), following
 
 
-def innovations(values: np.ndarray, memory: float, level_variance: float, pitch: float, robust: bool = False) -> np.ndarray:
-    """Innovations (n, C) of ``values`` (n, C) at every ``pitch`` metres of a sweep; the first is zero.
+def innovations(
+    values: np.ndarray, memory: float, level_variance: float, pitch: float, robust: bool = False
+) -> np.ndarray:
+    """Innovations (n, C) of ``values`` (n, C) at every ``pitch`` metres of a sweep.
 
-    With ``robust``, a step that is large compared with the noise begins a new level.
+    ``level_variance`` is that of the level before the first of them, in variances of a value: zero if it is
+    known; infinite if it is not, when the first innovation is zero. With ``robust``, a step that is large
+    compared with the noise begins a new level.
     """
     if level_variance == 0.0:
         return values

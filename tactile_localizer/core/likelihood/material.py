@@ -18,9 +18,6 @@ _CLOTH_MEMORY = 0.01
 _SHEET_LENGTH, _CLOTH_LENGTH = 0.0017, 0.0065
 """Information lengths, m. By judgement."""
 
-_SETTLED = 10.0
-"""Strains from which the level of a sweep is known."""
-
 
 class Material(NamedTuple):
     """Parameters of the model that depend on the material.
@@ -53,11 +50,6 @@ class Material(NamedTuple):
     def level_variance(self) -> float:
         """Variance of what is left of the level of a scan's sweep, in that of a strain."""
         return (1.0 - self.sheet) / self.sheet if self.sheet > 0.0 else math.inf
-
-    @property
-    def unsettled(self) -> int:
-        """Innovations at the beginning of a sweep that are left out, because its level is hardly known."""
-        return round(max(_SETTLED - 1.0 / max(self.level_variance, 1e-300), 0.0))
 
     @property
     def memory(self) -> float:

@@ -147,7 +147,7 @@ def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
 def _differences(
     strain: np.ndarray, held_out: HeldOut | None, spacing: float, material: Material
 ) -> np.ndarray:
-    """Differences (m, C) of tracks with ``strain`` (n, C) from the others, scaled to the variance of a visit."""
+    """Differences (m, C) of tracks with ``strain`` (n, C) from others, scaled to the variance of a visit."""
     if held_out is None:  # the roughness along the sweep is the only measure of noise
         roughness = np.diff(strain, n=2, axis=0) / np.sqrt(6.0)
         return roughness if len(roughness) else np.zeros_like(strain)
@@ -156,7 +156,6 @@ def _differences(
     near, found = expected.distance <= 2.0 * max(spacing, 2.0 * PITCH), []
     for own in held_out.slices:
         inside, difference = near[own] | ~near[own].any(), differences[own]
-        inside &= np.arange(len(inside)) >= min(material.unsettled, len(inside) // 2)
         found.append(material.innovations(difference, PITCH, robust=True)[inside])
     return np.concatenate(found)
 
@@ -230,7 +229,7 @@ def _texture_ratio(whitened: np.ndarray, held_out: HeldOut | None, layout: Chann
         return 1.0
     expected = held_out.interpolation.best(1).expected(whitened).mean[:, 0]
     energy = layout.mean(_smoothed(whitened[held_out.points] * expected, held_out.slices, _STRETCH))
-    typical, strong = np.quantile(energy, [0.5, 0.9], axis=0).sum(axis=1)
+    typical, strong = np.quantile(energy, [0.4, 0.9], axis=0).sum(axis=1)
     return float(max(typical, 0.0) / max(strong, 1e-300))
 
 
@@ -245,7 +244,7 @@ def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, materia
     product = energy = 0.0
     for own in held_out.slices:
         felt, there = (
-            bounded(material.innovations(each[own], PITCH, robust=True)[material.unsettled:])
+            bounded(material.innovations(each[own], PITCH, robust=True))
             for each in (strain[held_out.points], expected)
         )
         product += float(np.sum(felt * there))

@@ -84,7 +84,6 @@ class StrainMap(NamedTuple):
     variance : (M, K, F) float32, variance of a new visit about it
     log_prior : (M, K) float32, of the components
     gain : variance of the factor by which visits differ in the signal of a phalanx
-    featureless_variance : of a visit to featureless material, the least
     turning : (d, C) change of the whitened strain of featureless material per m (rad) of each axis: zero but
         for yaw; not in ``mean``
     """
@@ -96,7 +95,6 @@ class StrainMap(NamedTuple):
     variance: np.ndarray
     log_prior: np.ndarray
     gain: float
-    featureless_variance: float
     turning: np.ndarray
 
     def nearest(self, states: np.ndarray) -> np.ndarray:
@@ -138,16 +136,15 @@ def fit_variance(scan: WhitenedScan) -> VarianceModel:
     points, slices, interpolation = scan.held_out
     first = interpolation.best(1).expected(scan.signal)
     residuals = scan.strain[points] - first.mean[:, 0]
-    parts = [np.arange(own.start, own.stop) for own in slices]
     for own in slices:
         residuals[own] = material.innovations(residuals[own], PITCH, robust=True)
-    parts = [own[min(material.unsettled, len(own) // 2) :] for own in parts]
-    thinned = np.concatenate([own[:: max(1, len(own) // _MOST_POINTS)] for own in parts])
+    points = np.arange(len(residuals))
+    thinned = np.concatenate([points[own][:: max(1, len(points[own]) // _MOST_POINTS)] for own in slices])
     expected = interpolation.at(thinned).expected(scan.signal)
     by_component = residuals[thinned, None] + first.mean[thinned] - expected.mean
     fitted = _fitted(expected, by_component, layout, material.sheet)
     scaled = residuals / np.sqrt(layout.expand(fitted.variance(first, layout)[:, 0]))
-    length = summed_correlation([scaled[own] for own in parts], fitted.summed_correlation)
+    length = summed_correlation([scaled[own] for own in slices], fitted.summed_correlation)
     return replace(fitted, summed_correlation=length)
 
 
@@ -219,7 +216,7 @@ def build_map(
             table[part] = each
     mean, spread, prior = tables
     by_axis = np.outer([name == "yaw" for name in scene.axis_names], scan.noise.turning)
-    return StrainMap(origin, step, shape, mean, spread, prior, variance.gain, float(spread.min()), by_axis)
+    return StrainMap(origin, step, shape, mean, spread, prior, variance.gain, by_axis)
 
 
 def summed_correlation(series: Sequence[np.ndarray], otherwise: float) -> float:

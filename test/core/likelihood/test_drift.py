@@ -79,6 +79,6 @@ def test_the_first_strain_of_an_unknown_level_carries_no_information() -> None:
 
 def test_innovations_along_a_sweep_are_those_of_the_filter() -> None:
     strains = np.random.default_rng(0).standard_normal((50, 2))
-    found = innovations(strains, 0.01, STEP)
+    found = innovations(strains, 0.01, np.inf, STEP)
     np.testing.assert_allclose(found[1:], of_strains(Drift(0.01, 1.0, UNKNOWN), strains)[1:])
     assert not found[0].any()

@@ -57,7 +57,6 @@ def test_tables_hold_the_expectation_at_the_nodes() -> None:
     np.testing.assert_allclose(np.exp(table.log_prior).sum(axis=1), 1.0, rtol=1e-5)
     np.testing.assert_array_equal(table.nearest(nodes), np.arange(len(nodes)))
     assert table.mean.dtype == table.variance.dtype == np.float32
-    assert table.featureless_variance == pytest.approx(table.variance.min())
 
 
 @given(st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)), min_size=1, max_size=20))

@@ -8,6 +8,7 @@ from support.models import noise_model
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.likelihood.drift import Drift, Innovation
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
@@ -27,10 +28,10 @@ def mixture(counts: tuple[int, ...]) -> SweepMixture:
     prior = np.log(rng.dirichlet(np.ones(COMPONENTS), NODES))
     tables = (table.astype(np.float32) for table in (mean, variance, prior))
     lattice = np.array([0.0005]), np.array([0.001]), (NODES,)
-    strain_map = StrainMap(*lattice, *tables, GAIN, 1.3, np.zeros((1, size)))
+    strain_map = StrainMap(*lattice, *tables, GAIN, np.zeros((1, size)))
     other = OtherMaterial(layout, np.eye(size), 1.3)
     drift = Drift(np.inf, 1.0, np.zeros(size))
-    return SweepMixture(noise_model(layout, 4.0, 0.1), strain_map, drift, other, 0.002)
+    return SweepMixture(noise_model(layout, 4.0, 0.1), strain_map, drift, other, Material(1.0))
 
 
 def evaluated(
@@ -91,7 +92,7 @@ def test_components_that_are_alike_are_one() -> None:
     tables = model.map._replace(mean=model.map.mean.copy(), variance=model.map.variance.copy())
     tables.mean[:, 1] = tables.mean[:, 0] + np.float32(0.03)
     tables.variance[:, 1] = tables.variance[:, 0]
-    merged = SweepMixture(model.noise, tables, model.drift, model.other, 0.002)
+    merged = SweepMixture(model.noise, tables, model.drift, model.other, Material(1.0))
     found, _ = evaluated(merged, strain)
     expected = [direct(merged, node, strain, np.ones(2)) for node in range(NODES)]
     np.testing.assert_allclose(found, np.sum(expected, axis=1), atol=0.1)

@@ -39,7 +39,6 @@ def noise_model(
         np.full(size, offset_variance),
         np.broadcast_to(turning, size),
         white,
-        joint=False,
     )
 
 
@@ -49,7 +48,7 @@ def whitened_scan(scan: Scan, scene: Scene) -> WhitenedScan:
     spacing, offsets = line_spacing(tracks), np.zeros((len(tracks), scene.layout.size))
     noise, strain = noise_model(scene.layout), tracks.strain
     return WhitenedScan(
-        tracks, spacing, hold_out(tracks, spacing), Material.of(0.0), noise, offsets, strain, strain
+        tracks, spacing, hold_out(tracks, spacing), Material(1.0), noise, offsets, strain, strain
     )
 
 
