@@ -220,7 +220,7 @@ def _offset_variance(offsets: np.ndarray, layout: ChannelLayout) -> np.ndarray:
 
 
 def _texture_ratio(whitened: np.ndarray, held_out: HeldOut | None, layout: ChannelLayout) -> float:
-    """Median of the signal's energy over all places, divided by its 0.9 quantile; 1 for a single sweep.
+    """Median of the signal's energy over all places, divided by its 0.9 quantile; 1 of a single sweep.
 
     The energy is the product of two sweeps: their noise is independent, so it vanishes in the mean, however
     noisy the sensor is. Between features it is nearly zero, but not on a texture.
@@ -229,7 +229,7 @@ def _texture_ratio(whitened: np.ndarray, held_out: HeldOut | None, layout: Chann
         return 1.0
     expected = held_out.interpolation.best(1).expected(whitened).mean[:, 0]
     energy = layout.mean(_smoothed(whitened[held_out.points] * expected, held_out.slices, _STRETCH))
-    typical, strong = np.quantile(energy, [0.4, 0.9], axis=0).sum(axis=1)
+    typical, strong = np.quantile(energy, [0.5, 0.9], axis=0).sum(axis=1)
     return float(max(typical, 0.0) / max(strong, 1e-300))
 
 

@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.scans import bump_scan, slides
 
+from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.likelihood.drift import innovations
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import whiten
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
@@ -159,6 +161,19 @@ def test_memory_and_information_length_change_gradually_from_cloth_to_sheet() ->
     assert (found[0].session_ratio, found[-1].session_ratio) == (np.inf, 4.0)
     lengths = [each.information_length for each in found]
     assert lengths == sorted(set(lengths), reverse=True)
+
+
+@pytest.mark.parametrize("sheet", [0.0, 0.3, 0.5, 0.999])
+def test_nothing_switches_between_cloth_and_sheet(sheet: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    scan, found = bump_scan(SHEET, offsets=5.0), []
+    for value in (sheet, sheet + 1e-5):
+        monkeypatch.setattr(Material, "of", lambda _ratio, value=value: Material(value))
+        learned = learn_sweep_model(scan, SHEET)
+        mixture = learned.mixture(SHEET, learned.cell(SHEET, 1.0))
+        model, tables = learned.scan, mixture.map
+        found.append([model.noise.whitening, model.offsets, model.strain, tables.mean, tables.variance])
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-3 * np.abs(one).max() + 1e-3)
 
 
 def test_a_touch_down_that_differs_between_sweeps_does_not_inflate_the_noise() -> None:
