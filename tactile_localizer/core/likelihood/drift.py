@@ -115,19 +115,20 @@ class Drift:
         map_trend = trend.map_level + np.float32(travel) * trend.map_rate
         strain_left, map_left = strain - predicted, expected - map_trend
         # Whether the strain is an outlier or the level is, the next ones decide: both lose weight.
-        spread = 1.0 + float(np.mean(1.0 / np.maximum(known, 1e-12)))
-        weight = 1.0 / (1.0 + float(strain_left @ strain_left) / (spread * self._largest_energy))
+        weight, rate_gain = 1.0, 0.0
+        if known.any():
+            weight = 1.0 / (1.0 + float(strain_left @ strain_left) / self._largest_energy)
+            # The first strain sets the level, of which the rate is the change.
+            rate_gain = weight * travel / (4.0 * self.memory**2)
         added = information * weight
         gain = np.minimum(np.maximum(added / (known + added), weight * travel / self.memory), _LARGEST_GAIN)
-        # The first strain sets the level, of which the rate is the change.
-        rate_gain = (1.0 - gain) * weight * travel / (4.0 * self.memory**2)
-        narrow, slow = gain.astype(np.float32), rate_gain.astype(np.float32)
+        narrow = gain.astype(np.float32)
         following = Trend(
             0.5 * (1.0 + weight) * trend.measurements + added,
             predicted + gain * strain_left,
             trend.rate + rate_gain * strain_left,
             map_trend + narrow * map_left,
-            trend.map_rate + slow * map_left if slow.any() else trend.map_rate,
+            trend.map_rate + np.float32(rate_gain) * map_left if rate_gain else trend.map_rate,
         )
         level_variance = self.variance * gain / (1.0 - gain) / information
         return Innovation(strain_left, map_trend, level_variance), following
