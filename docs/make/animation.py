@@ -1,4 +1,4 @@
-"""Draws docs/images/localization.gif: the belief along a simulated sweep, which collapses on contact.
+"""Draws docs/images/localization.gif: the belief along a sweep of a physics engine, collapsing on contact.
 
 `make pictures` runs it.
 """
@@ -17,11 +17,13 @@ from matplotlib.patches import Circle, Ellipse, FancyBboxPatch, Patch, Rectangle
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Estimate
-from tactile_localizer.io.recording import RecordedSweep
-from tactile_localizer.sim import shipped_scene, simulate_scan, simulate_sweep
+from tactile_localizer.io.csv.recording import read_csv
+from tactile_localizer.io.recording import RecordedSweep, scan_of
+from tactile_localizer.io.scene_file import load_scene
 
 PICTURE = Path(__file__).parents[1] / "images/localization.gif"
-SCENE = shipped_scene("bump")
+RECORDING = Path(__file__).parents[2] / "examples/recordings/engine_bump"
+SCENE = load_scene(RECORDING / "scene.yaml")
 MM = 1e3
 FRAME_M = 0.0006
 """Travel of the palm between two frames, m."""
@@ -33,16 +35,17 @@ CHANNEL = 5
 COLOURS = {"index": "tab:blue", "middle": "tab:orange"}
 RADIUS_95 = 2.448
 """Mahalanobis radius that contains 95 % of a two-dimensional Gaussian."""
-BUMP_MM = (32.0, 25.4)
+BUMP_MM, BUMP_RADIUS_MM = (32.0, 25.4), 5.0
+SWEEP = 9
+"""Sweep of the recording that is shown."""
 OPEN, SURE = "#b3123f", "tab:green"
 
 
 def localize(sweep: RecordedSweep) -> tuple[list[Estimate], list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
     """Estimates of a sweep, the hypotheses of each frame, and the rows of the frames."""
-    localizer = build_localizer(
-        simulate_scan("bump", seed=1), SCENE, Configuration(), np.random.default_rng(1)
-    )
-    x = sweep.truth[:, 0]
+    scan = scan_of(read_csv(RECORDING / "train.csv.gz", SCENE), SCENE)
+    localizer = build_localizer(scan, SCENE, Configuration(), np.random.default_rng(1))
+    x = sweep.position[:, 0]
     rows = np.searchsorted(x, np.arange(x[0], x[-1], FRAME_M))
     estimates, beliefs = [], []
     for row, sample in enumerate(zip(sweep.stamp_ns.tolist(), sweep.position, sweep.strain, strict=True)):
@@ -55,9 +58,9 @@ def draw_material(plot: Axes) -> None:
     """The bounds of the scene and the bump."""
     (left, bottom), (right, top) = SCENE.lower * MM, SCENE.upper * MM
     plot.add_patch(Rectangle((left, bottom), right - left, top - bottom, fc="none", ec="0.4", zorder=1))
-    plot.add_patch(Circle(BUMP_MM, 5.5, fc="#e8c37d", ec="#b98a2f", zorder=1))
+    plot.add_patch(Circle(BUMP_MM, BUMP_RADIUS_MM, fc="#e8c37d", ec="#b98a2f", zorder=1))
     plot.text(*BUMP_MM, "bump", ha="center", va="center", fontsize=8, zorder=1)
-    plot.set(xlim=(-5, 58), ylim=(-5, 56), aspect="equal", xlabel="x, mm", ylabel="y, mm")
+    plot.set(xlim=(-7, 58), ylim=(-7, 58), aspect="equal", xlabel="x, mm", ylabel="y, mm")
 
 
 def density(states: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, tuple[float, float, float, float]]:
@@ -77,7 +80,7 @@ class Picture:
     """
 
     def __init__(self, sweep: RecordedSweep, estimates: list[Estimate]) -> None:
-        self.sweep, self.estimates, self.x = sweep, estimates, sweep.truth[:, 0] * MM
+        self.sweep, self.estimates, self.x = sweep, estimates, sweep.position[:, 0] * MM
         self.figure = plt.figure(figsize=(7.6, 3.9), layout="constrained")
         left, right = self.figure.subfigures(1, 2, width_ratios=(1, 1.05))
         self.plan, (strain, proof) = left.subplots(), right.subplots(2, 1, sharex=True)
@@ -105,7 +108,7 @@ class Picture:
             plot.plot(self.x, values, lw=0)
             curves.append((plot.plot([], [], color=COLOURS[name], lw=1.0, label=name)[0], values))
         plot.set(ylabel="strain, V", title=f"strain of channel {CHANNEL + 1} of each finger")
-        plot.legend(frameon=False, loc="lower left")
+        plot.legend(frameon=False, loc="center left")
         return curves
 
     def _probability(self, plot: Axes) -> tuple[Line2D, np.ndarray]:
@@ -119,7 +122,7 @@ class Picture:
 
     def show(self, row: int, belief: tuple[np.ndarray, np.ndarray]) -> None:
         """Draw one sample of the sweep."""
-        estimate, place = self.estimates[row], self.sweep.truth[row] * MM
+        estimate, place = self.estimates[row], self.sweep.position[row] * MM
         colour = SURE if estimate.converged else OPEN
         image, extent = density(*belief)
         self.belief.set(data=image, alpha=0.9 * image, extent=extent)
@@ -139,7 +142,7 @@ class Picture:
 
 def animate() -> None:
     """Localize along one sweep and write the animation."""
-    sweep = simulate_sweep("bump", seed=1, number=0, start=(0.002, 0.0165))
+    sweep = read_csv(RECORDING / "test.csv.gz", SCENE).sweeps[SWEEP]
     estimates, beliefs, rows = localize(sweep)
     picture = Picture(sweep, estimates)
 
