@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.scans import axes, scan, strain_at
+from support.scans import axes, bump_scan, scan, strain_at
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
@@ -30,3 +30,21 @@ def test_every_model_localizes_with_any_channels(counts, model):
         felt = strain_at(truth[None], of.layout.size)[0]
         estimate = localizer.update(n * 10**7, truth + 3.0, felt, present)
     assert np.linalg.norm(estimate.mean - truth) < 0.002
+
+
+def test_the_level_of_a_sweep_does_not_move_the_position_of_another_model() -> None:
+    """On featureless material before the bump it becomes known, and is subtracted."""
+    of = Scene("sheet", axes(2), (Phalanx("finger", (0.0, 0.0), 4),))
+    localizer = build_localizer(
+        bump_scan(of, offsets=1.0), of, Configuration(model="sum_of_gaussians"), np.random.default_rng(0)
+    )
+    way = np.column_stack([np.arange(0.002, 0.026, 0.0005), np.full(48, 0.024)])
+    bump = 30.0 * np.exp(-0.5 * np.sum(((way - 0.025) / 0.004) ** 2, axis=1))[:, None]
+    felt, ends = bump * np.linspace(-1.0, 1.0, 4), []
+    for level in (0.0, 4.0):
+        localizer.reset()
+        for n, (place, strain) in enumerate(zip(way, felt + level, strict=True)):
+            estimate = localizer.update(n * 10**7, place, strain)
+        ends.append(estimate.mean)
+    np.testing.assert_allclose(ends[1], ends[0], atol=5e-4)
+    assert np.linalg.norm(ends[1] - way[-1]) < 0.003

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.scans import slides
 
+from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Estimate, Localizer
@@ -109,17 +112,6 @@ def test_a_phalanx_that_is_silent_drops_out_although_its_noise_is_whitened_with_
         assert_found(localizer, stuck, 0.1)
 
 
-def test_of_an_absent_phalanx_nothing_counts() -> None:
-    felt, first = strain(way(0.1), 1, 5), np.array([True, False])
-    ends = []
-    for silent in (0.0, 1e6):
-        felt[:, 8:] = silent
-        ends.append(fed(build(cloth_scan()), felt, present=first)[-1])
-    np.testing.assert_array_equal(ends[0].mean, ends[1].mean)
-    assert ends[0].converged, ends[0].reason
-    assert float(ends[0].mean[0]) == pytest.approx(0.1 + 199 * STEP, abs=0.001)
-
-
 @pytest.mark.parametrize("material", [2, 3, 4])
 @pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (1.0, 30.0), (0.3, 30.0)])
 def test_another_material_never_converges(
@@ -160,6 +152,36 @@ def test_yaw_wraps_around() -> None:
     for n, (place, row) in enumerate(zip(way, turned(way), strict=True)):
         estimate = localizer.update(10_000_000 * n, np.array([(place + np.pi) % (2 * np.pi) - np.pi]), row)
     assert (float(estimate.mean[0]) - way[-1] + np.pi) % (2.0 * np.pi) - np.pi == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("absent", [0, 1])
+def test_of_an_absent_phalanx_nothing_counts(absent: int) -> None:
+    """The noise of cloth is common to all phalanges, but not to one that is absent."""
+    common = np.random.default_rng(3).standard_normal((3, len(X), 8))
+    scan = cloth_scan()
+    scan = replace(scan, strain=scan.strain + 0.1 * np.tile(common, 2).reshape(scan.strain.shape))
+    felt, localizer, ends = strain(way(0.1), 1, 5), build(scan), []
+    for volts in (0.0, 0.3, 1e6):
+        localizer.reset()
+        felt[:, 8 * absent : 8 * absent + 8] = volts
+        ends.append(fed(localizer, felt, present=np.arange(2) != absent)[-1])
+        np.testing.assert_allclose(ends[-1].mean, ends[0].mean, atol=1e-5)
+        assert ends[-1].probability == pytest.approx(ends[0].probability, abs=1e-3)
+    assert ends[0].converged, ends[0].reason
+    assert float(ends[0].mean[0]) == pytest.approx(0.1 + 199 * STEP, abs=0.001)
+
+
+def test_a_slow_wave_of_the_map_is_not_expected_of_other_material() -> None:
+    """It is in no innovation."""
+    plain, found = cloth_scan(), []
+    for scan in (plain, replace(plain, strain=plain.strain + 5.0 * plain.states)):
+        learned = learn_sweep_model(scan, SCENE)
+        other = learned.mixture(SCENE, learned.cell(SCENE, 1.0)).other
+        log_likelihood, _ = other.update(
+            other.start(), np.full(16, 3.0), np.zeros(2), np.ones(2), np.ones(2, bool), 1.0
+        )
+        found.append(log_likelihood)
+    assert found[1] == pytest.approx(found[0], abs=0.5)
 
 
 @pytest.mark.parametrize("volts", [1e2, 1e4, 1e15, 1e90])

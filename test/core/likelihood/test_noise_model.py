@@ -127,6 +127,16 @@ def test_where_the_material_is_felt_everywhere_an_offset_cannot_be_told_from_a_p
     assert np.isinf(estimate.noise.offset_variance).all()
 
 
+def test_on_cloth_featureless_strain_does_not_turn_with_yaw() -> None:
+    fingers = tuple(Phalanx(name, (0.0, 0.0), 4) for name in CLOTH.phalanx_names)
+    turned = Scene("cloth", (*CLOTH.axes, Axis("yaw", -0.1, 0.1)), fingers)
+    made, yaw = cloth(), np.array([-0.1, 0.0, 0.1])
+    scan = replace(made, states=np.column_stack([made.states, yaw[made.sweep]]), axes=("x", "yaw"))
+    estimate = whiten(replace(scan, strain=made.strain + 50.0 * yaw[made.sweep, None]), turned)
+    assert estimate.material.sheet == 0.0
+    assert not estimate.noise.turning.any()
+
+
 def test_offsets_of_sweeps_are_removed_and_those_of_a_new_session_are_twice_as_large() -> None:
     estimate = whiten(bump_scan(SHEET, offsets=5.0), SHEET)
     assert estimate.material.sheet == 1.0

@@ -10,6 +10,7 @@ from support.scans import raster, slides
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.core.likelihood.base import flatten_axes
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import whiten
 from tactile_localizer.core.likelihood.strain_map import (
     MOST_CELLS_IN_SPACE,
@@ -87,6 +88,19 @@ def test_the_variance_of_white_noise_is_one() -> None:
     fitted = fit_variance(whiten(scan, LINE))
     assert fitted.visit == pytest.approx(1.0, rel=0.25)
     assert fitted.signal == 0.0, "the material has no zero to measure a signal from"
+
+
+def test_on_cloth_the_noise_of_a_visit_explains_what_differs_with_the_signal() -> None:
+    """There is no level from which a signal would deviate; on a sheet its own factors explain it."""
+    rng, x = np.random.default_rng(1), np.arange(0.0, 0.3, PITCH)
+    waves, visits = 8.0 * np.sin(x[:, None] * [400.0, 600.0, 900.0]), []
+    for _ in range(3):
+        visits.append(waves * (1.0 + 0.3 * rng.standard_normal((len(x), 1))))
+    scan = whitened_scan(slides(LINE, x, visits), LINE)
+    sheet, cloth = (fit_variance(scan._replace(material=Material(value))) for value in (1.0, 0.0))
+    assert cloth.signal == cloth.gain == 0.0
+    assert cloth.visit > 2.0 * sheet.visit
+    assert sheet.gain > 0.03
 
 
 def test_the_correlation_length_is_recovered() -> None:
