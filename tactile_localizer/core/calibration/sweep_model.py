@@ -45,11 +45,11 @@ class SweepModel(NamedTuple):
         """The measurement model for cells (d,) of a grid."""
         noise, material = self.scan.noise, self.scan.material
         table = build_map(self.scan, self.variance, scene, cell)
-        featureless = float(material.mixed(table.variance.min(), np.median(table.variance)))
+        visit = float(np.median(table.variance))
         signal = float(np.square(table.mean[:, 0]).sum(axis=1).max())
-        largest = OUTLIER * (signal + noise.layout.size * featureless)
-        drift = Drift(material.memory, featureless, noise.offset_variance, largest)
-        return SweepMixture(noise, table, drift, self._other(scene, table, featureless), material)
+        largest = OUTLIER * (signal + noise.layout.size * visit)
+        drift = Drift(material.memory, visit, noise.offset_variance, largest)
+        return SweepMixture(noise, table, drift, self._other(scene, table, visit), material)
 
     def quiet_energy(self, mixture: SweepMixture) -> np.ndarray:
         """Usual energy (F,) of the innovations of the scan's sweeps from featureless material."""

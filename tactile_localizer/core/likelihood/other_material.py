@@ -20,7 +20,7 @@ class OtherMaterial:
     """Likelihood of innovations on material that was not scanned, whose signal may have any strength.
 
     The innovation v of phalanx f has the density sum over g of w_g t_8(v; 0, A I + g S_f), with S_f from the
-    covariance of the map's own signal, A the least variance of a visit, and weights w_g that follow the
+    covariance of the map's own signal, A the median variance of a visit, and weights w_g that follow the
     sweep. The eigenvalues of S_f are halfway, geometrically, between those of the signal and their mean. One
     more component is a signal with the largest variance in all directions.
 
@@ -28,7 +28,7 @@ class OtherMaterial:
     ----------
     layout : channels of the strain by phalanx
     covariance : (C, C) of the map's signal, a block per phalanx
-    variance : least variance of a visit
+    variance : median variance of a visit
     """
 
     def __init__(self, layout: ChannelLayout, covariance: np.ndarray, variance: float) -> None:
