@@ -43,6 +43,7 @@ def full_name(name, node):
 def test_the_policy_matches_the_running_node(node_process, probe, valid, node):
     node_process(f"{node}_node", {"use_sim_time": True, **valid[node]}, namespace=NAMESPACE)
     expected = allowed(node)
+    missing = dict(expected)
 
     def complete():
         """What the node has, once that is all that is expected: the graph can lose some of it again."""
@@ -56,6 +57,7 @@ def test_the_policy_matches_the_running_node(node_process, probe, valid, node):
             }
         except RuntimeError:  # the node is not known yet
             return None
-        return found if all(expected[kind] <= names for kind, names in found.items()) else None
+        missing.update({kind: expected[kind] - names for kind, names in found.items()})
+        return None if any(missing.values()) else found
 
-    assert probe.until(complete, f"all of {expected}") == expected
+    assert probe.until(complete, missing) == expected

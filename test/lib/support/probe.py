@@ -42,7 +42,7 @@ class Probe:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 
-    def until(self, condition: Callable[[], T], what: str, timeout_s: float = 30.0) -> T:
+    def until(self, condition: Callable[[], T], what: object, timeout_s: float = 30.0) -> T:
         """Spin until ``condition`` is true and return its value; fails the test if that takes too long."""
         deadline = Deadline(what, timeout_s)
         while not (value := condition()):

@@ -24,11 +24,11 @@ class Deadline:
 
     Parameters
     ----------
-    what : what is waited for; completes the sentence "waited 15 s for ..."
+    what : what is waited for; completes the sentence "waited 15 s for ...", when the limit has passed
     timeout_s : time limit, s
     """
 
-    def __init__(self, what: str, timeout_s: float) -> None:
+    def __init__(self, what: object, timeout_s: float) -> None:
         self._what, self._timeout_s = what, timeout_s
         self._start_s = time.monotonic()
         self._cpu_waits = cpu_waits_s()
