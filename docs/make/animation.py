@@ -36,6 +36,7 @@ COLOURS = {"index": "tab:blue", "middle": "tab:orange"}
 RADIUS_95 = 2.448
 """Mahalanobis radius that contains 95 % of a two-dimensional Gaussian."""
 BUMP_MM, BUMP_RADIUS_MM = (32.0, 25.4), 5.0
+"""Centre, from where the fingers of the test sweeps touch it, and radius."""
 SWEEP = 9
 """Sweep of the recording that is shown."""
 OPEN, SURE = "#b3123f", "tab:green"

@@ -86,7 +86,7 @@ def with_contact(recording: Recording, scene: Scene, model: SweepMixture) -> Rec
     A recorded mark is kept; the simulator writes one. Otherwise a sample is in contact if the map predicts
     more than the noise of one sweep for a phalanx at the true position, and the sweep's strain there is at
     least a quarter of what it predicts: a sweep over blank material has no contact. Material that is
-    textured everywhere has none either.
+    cloth rather than a sheet has none either.
 
     Parameters
     ----------

@@ -56,11 +56,8 @@ class SweepModel(NamedTuple):
         layout, exponent = self.scan.noise.layout, PITCH / self.scan.material.information_length
         width, found = round(ENERGY_MEMORY / PITCH), []
         for own in self.scan.tracks.slices:
-            strain = self.scan.strain[own]
-            known = exponent * np.arange(len(strain))[:, None] + mixture.drift.prior
-            level = exponent * (np.cumsum(strain, axis=0) - strain) / np.maximum(known, 1e-9)
-            variance = layout.mean(mixture.drift.variance / np.maximum(known, 1e-9))
-            energy = mixture.other.energy(strain - level, variance)
+            innovations, variance = mixture.drift.along(self.scan.strain[own], PITCH, exponent)
+            energy = mixture.other.energy(innovations, layout.mean(variance))
             found.append(uniform_filter1d(energy, width, axis=0, mode="nearest"))
         return np.maximum(np.median(np.concatenate(found), axis=0), 1e-3)
 

@@ -133,6 +133,15 @@ class Drift:
         level_variance = self.variance * gain / (1.0 - gain) / information
         return Innovation(strain_left, map_trend, level_variance), following
 
+    def along(self, values: np.ndarray, pitch: float, information: float) -> tuple[np.ndarray, np.ndarray]:
+        """Innovations of ``values`` (n, C) at every ``pitch`` metres, and variances of the level, (n, C)."""
+        nowhere = np.zeros((0, values.shape[1]), dtype=np.float32)
+        trend, found, variance = self.start(0), np.zeros_like(values), np.zeros_like(values)
+        for row, value in enumerate(values):
+            innovation, trend = self.update(trend, value, nowhere, pitch, information)
+            found[row], variance[row] = innovation.strain, innovation.level_variance
+        return found, variance
+
 
 def innovations(
     values: np.ndarray, memory: float, level_variance: float, pitch: float, robust: bool = False
@@ -151,10 +160,6 @@ def innovations(
         scale = np.maximum(np.median(np.abs(np.diff(values, axis=0)), axis=0), np.finfo(np.float64).tiny)
         largest = OUTLIER * channels
     drift = Drift(memory, 1.0, np.full(channels, level_variance), largest)
-    nowhere = np.zeros((0, channels), dtype=np.float32)
-    trend, found = drift.start(0), np.zeros_like(values)
-    for row in range(count):
-        innovation, trend = drift.update(trend, values[row] / scale, nowhere, pitch, 1.0)
-        found[row] = innovation.strain * scale
-    found[:1] *= drift.prior / (1.0 + drift.prior)
+    found = drift.along(values / scale, pitch, 1.0)[0] * scale
+    found[:1] *= drift.prior / (1.0 + drift.prior)  # the less, the less is known of the level
     return found
