@@ -24,8 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("feature", choices=FEATURES, help="feature in the material (none: featureless material)")
     add("-o", "--output", type=Path, default=folder, metavar="DIR", help=f"folder (default {folder})")
     add_seed_argument(parser)
-    for kind, count in (("train", TRAINING_SWEEPS), ("test", TEST_SWEEPS)):
-        add(f"--{kind}", type=int, default=count, metavar="N", help=f"{kind} sweeps (default {count})")
+    text = f"training sweeps, 2.54 mm apart (default {TRAINING_SWEEPS}: the whole square; more scan it again)"
+    add("--train", type=int, default=TRAINING_SWEEPS, metavar="N", help=text)
+    add("--test", type=int, default=TEST_SWEEPS, metavar="N", help=f"test sweeps (default {TEST_SWEEPS})")
     text = "channels of the two phalanges (default: 8 each); also writes scene.yaml"
     add("--channels", type=int, nargs=2, default=(), metavar="N", help=text)
 

@@ -1,0 +1,21 @@
+"""What is learned from a scan is kept with it, under the number of the algorithm that learned it."""
+
+import pytest
+
+from tactile_localizer.core.factory import learn
+from tactile_localizer.io.recording import scan_of
+from tactile_localizer.io.scans.learned import ALGORITHM
+from tactile_localizer.sim import shipped_scene, simulate_recording
+
+LEARNED = {14: [0.001032, 0.001288, 0.2018, 0.01527, 0.07116, 0.07471, 0.004641]}
+"""By number, registration error and factors of the variance of a simulated scan. After a change that alters
+them, add one to ``ALGORITHM`` and write the new ones here, so that scans are calibrated anew."""
+
+
+def test_a_calibration_has_the_number_of_the_algorithm_that_learned_it() -> None:
+    scene = shipped_scene("bump")
+    calibration = learn(scan_of(simulate_recording("bump", 1, sweeps=11), scene), scene)
+    assert calibration.variance is not None
+    variance = calibration.variance
+    found = [*calibration.registration_std, *variance.factors, variance.gain, variance.summed_correlation]
+    assert LEARNED[ALGORITHM] == pytest.approx(found, rel=1e-3)
