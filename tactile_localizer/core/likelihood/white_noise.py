@@ -5,6 +5,7 @@ It needs no map, and so it can be measured in the sweep at hand and compared wit
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,10 @@ more of the signal is in it."""
 _BOUND, _MEAN = 4.0, 0.9205
 """Bound of a squared difference in variances, and the mean of bounded ones of a normal distribution."""
 _MEMORY = 50
-"""Strains over which the noise of a sweep is averaged. By judgement."""
+"""Most strains over which the noise of a sweep is averaged. By judgement."""
+_SURE = 2.0 * 1.5
+"""Two standard errors of a mean of n bounded squares, times sqrt(n): successive differences share strains. By
+judgement two."""
 _MOST = 20_000
 """Differences from which the noise of a scan is measured."""
 
@@ -90,21 +94,31 @@ class SweepNoise:
         self._spacing = self._scan.spacing[0]
         self._last: np.ndarray | None = None
         self._step: np.ndarray | None = None
-        self._present = b""
+        self._present, self._strains = b"", 0
 
     def observe(self, strain: np.ndarray, present: np.ndarray, travel: float) -> None:
         """Take in a strain (C,), V, ``travel`` metres after the last one; ``present`` (C,) bool."""
         if self._present != present.tobytes():  # compared faster than arrays
             self._present, self._last, self._step = present.tobytes(), None, None
+        self._strains += 1
         step = None if self._last is None else strain - self._last
         if step is not None and self._step is not None:
             squares = np.square(step - self._step) / (6.0 * self._variance)
-            change = (np.minimum(squares, _BOUND) - _MEAN) / _MEMORY
+            change = (np.minimum(squares, _BOUND) - _MEAN) * self._gain
             self._variance = self._variance * (1.0 + change * present)
-            self._spacing += (travel - self._spacing) / _MEMORY
+            self._spacing += (travel - self._spacing) * self._gain
         self._last, self._step = strain, step
 
     def excess(self, pitch: float) -> np.ndarray:
-        """Variance (C,), V^2, by which the noise of a mean over ``pitch`` metres exceeds the scan's."""
-        more = np.maximum(self._variance - self._scan.at(self._spacing), 0.0)
+        """Variance (C,), V^2, by which the noise of a mean over ``pitch`` metres exceeds the scan's.
+
+        Zero where it does so by less than two standard errors.
+        """
+        usual, least = self._scan.at(self._spacing), self._variance * (1.0 - _SURE * math.sqrt(self._gain))
+        more = np.where(least > usual, self._variance - usual, 0.0)
         return np.asarray(more / max(pitch / max(self._spacing, 1e-9), 1.0))
+
+    @property
+    def _gain(self) -> float:
+        """Weight of a strain in the mean, which is of all at first: noise is known before contact."""
+        return 1.0 / min(max(self._strains, 1), _MEMORY)
