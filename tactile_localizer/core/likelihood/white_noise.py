@@ -17,13 +17,13 @@ from tactile_localizer.scene import Scene
 _LAGS = 1, 2, 4, 8
 """Strains between those of a second difference at which the scan is measured: the farther apart they are, the
 more of the signal is in it."""
-_BOUND, _MEAN = 4.0, 0.9205
-"""Bound of a squared difference in variances, and the mean of bounded ones of a normal distribution."""
+_BOUND, _MEAN, _ERROR = 4.0, 0.9205, 1.5
+"""Bound of a squared difference in variances; of a normal distribution, the mean of bounded ones, and the
+standard error of the mean of n, times sqrt(n): successive ones share strains."""
 _MEMORY = 50
 """Most strains over which the noise of a sweep is averaged. By judgement."""
-_SURE = 2.0 * 1.5
-"""Two standard errors of a mean of n bounded squares, times sqrt(n): successive differences share strains. By
-judgement two."""
+_SIGNIFICANT = 2.0
+"""Standard errors by which the noise of a sweep has to exceed the scan's. By judgement."""
 _MOST = 20_000
 """Differences from which the noise of a scan is measured."""
 
@@ -112,9 +112,10 @@ class SweepNoise:
     def excess(self, pitch: float) -> np.ndarray:
         """Variance (C,), V^2, by which the noise of a mean over ``pitch`` metres exceeds the scan's.
 
-        Zero where it does so by less than two standard errors.
+        Zero where it does so by less than :data:`_SIGNIFICANT` standard errors.
         """
-        usual, least = self._scan.at(self._spacing), self._variance * (1.0 - _SURE * math.sqrt(self._gain))
+        usual = self._scan.at(self._spacing)
+        least = self._variance * (1.0 - _SIGNIFICANT * _ERROR * math.sqrt(self._gain))
         more = np.where(least > usual, self._variance - usual, 0.0)
         return np.asarray(more / max(pitch / max(self._spacing, 1e-9), 1.0))
 
