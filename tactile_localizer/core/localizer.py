@@ -262,7 +262,9 @@ class Localizer:
         )
         likelihoods = model.on_map(nodes, states, innovation, scale, used)
         at_states, at_anchors = likelihoods[:states], likelihoods[states:]
-        other, strengths = model.other.update(sweep.strengths, off_map, level_variance, scale, used, exponent)
+        other, strengths = model.other.update(
+            sweep.strengths, off_map, level_variance, scale, used, stretch, exponent
+        )
         position = at_states
         if self._position_model is not None:
             position = self._position_likelihood(prediction, innovation, strain, used)

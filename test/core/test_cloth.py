@@ -190,7 +190,7 @@ def test_a_slow_wave_of_the_map_is_not_expected_of_other_material() -> None:
         learned = learn_sweep_model(scan, SCENE)
         other = learned.mixture(SCENE, learned.cell(SCENE, 1.0)).other
         log_likelihood, _ = other.update(
-            other.start(), np.full(16, 3.0), np.zeros(2), np.ones(2), np.ones(2, bool), 1.0
+            other.start(), np.full(16, 3.0), np.zeros(2), np.ones(2), np.ones(2, bool), 0.0005, 1.0
         )
         found.append(log_likelihood)
     assert found[1] == pytest.approx(found[0], abs=0.5)

@@ -15,12 +15,11 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.hypotheses.explanations import (
     LEAST_OTHER,
     RELOCATION_RATE,
-    RETURN_RATE,
     Explanations,
 )
 from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend, innovations
 from tactile_localizer.core.likelihood.material import Material
-from tactile_localizer.core.likelihood.other_material import OtherMaterial
+from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH, OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap, VarianceModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.scan.interpolation import Expectation
@@ -31,7 +30,7 @@ EVEN = np.full(4, -math.log(4.0))
 
 
 def test_a_hand_returns_to_the_map_and_is_placed_elsewhere_by_their_rates() -> None:
-    away, unmoved = math.exp(-RETURN_RATE * 0.1), math.exp(-RELOCATION_RATE * 0.1)
+    away, unmoved = math.exp(-0.1 / PATCH_LENGTH), math.exp(-RELOCATION_RATE * 0.1)
     moved = Explanations(0.5, 0.2, 0.3, EVEN).predict(0.1, left=0.2)
     assert moved.tracked == pytest.approx((0.8 * 0.5 + (1.0 - away) * 0.3) * unmoved)
     assert moved.other == pytest.approx((away * 0.3 + 0.2 * 0.5) * unmoved)

@@ -18,7 +18,7 @@ import numpy as np
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
+from tactile_localizer.core.likelihood.student_t import weight
 from tactile_localizer.core.scan.interpolation import interpolate
 from tactile_localizer.core.scan.lines import on_line_of
 from tactile_localizer.core.scan.tracks import PITCH, evenly
@@ -28,9 +28,9 @@ _MAX_HELD_OUT_SWEEPS = 24
 """Sweeps that are held out."""
 _LONGEST = round(0.2 / PITCH)
 """Points of a sweep that are registered: of a sheet of 2 m one part."""
-_PRIOR_STD, _PRIOR_YAW_STD, _PRIOR_ERRORS = 0.0015, 0.025, 5.0
-"""Prior of the registration error, m and rad, and the number of independent errors it counts as: later sweeps
-move more than those of a scan. By judgement."""
+_PRIOR_STD, _PRIOR_ERRORS = 0.0015, 5.0
+"""Prior of the registration error, m, and the number of independent errors it counts as: later sweeps move
+more than those of a scan. By judgement."""
 _WRONG_PLACE_M = 0.02
 """m: standard deviation of a shift before contact, and the uncertainty from which it is not known."""
 _SURROUNDINGS = 0.05
@@ -64,7 +64,7 @@ def calibrate(model: SweepModel) -> Calibration:
         known = scan.signal[part].any(axis=1) & (variance.sum(axis=1) < _WRONG_PLACE_M**2)
         if known.any():
             found.append((shift[known], variance[known]))
-    return Calibration(registration_std(found, tracks.scene) / levers(tracks.scene), model.variance)
+    return Calibration(registration_std(found, tracks.scene.dimension) / levers(tracks.scene), model.variance)
 
 
 def _most_signal(points: slice, signal: np.ndarray) -> slice:
@@ -104,8 +104,8 @@ def register(model: SweepModel, points: slice, without: np.ndarray) -> tuple[np.
         innovation = left - shift @ gradient
         predicted = variance + layout.mean(np.einsum("ic,ij,jc->c", gradient, covariance, gradient))
         squared = layout.sum(innovation**2) / predicted
-        weight = (DEGREES_OF_FREEDOM + layout.widths) / (DEGREES_OF_FREEDOM + squared) / variance
-        weighted = exponent * layout.expand(weight) * gradient
+        precision = weight(squared, layout.widths) / variance
+        weighted = exponent * layout.expand(precision) * gradient
         covariance = np.linalg.inv(np.linalg.inv(covariance) + weighted @ gradient.T)
         shift = shift + covariance @ weighted @ innovation
         found.append((shift, covariance.diagonal()))
@@ -131,22 +131,20 @@ def surroundings(scene: Scene, positions: np.ndarray) -> Scene:
     return replace(scene, axes=tuple(axes))
 
 
-def registration_std(found: Sequence[tuple[np.ndarray, np.ndarray]], scene: Scene) -> np.ndarray:
-    """Standard deviation (d,), m, of the registration error, from the shifts (n, d) of sweeps.
+def registration_std(found: Sequence[tuple[np.ndarray, np.ndarray]], axes: int) -> np.ndarray:
+    """Standard deviation (d,), m, of the registration error on d ``axes``, from the shifts (n, d) of sweeps.
 
     EM over the errors (Laird and Ware, 1982), which have t-distributions: some sweeps are mistaken for
     another place. A sweep counts as one error, whatever its length.
     """
-    turns = np.array(scene.axis_names) == "yaw"
-    prior = np.where(turns, _PRIOR_YAW_STD, _PRIOR_STD) * levers(scene)
     if not found:
-        return prior
+        return np.full(axes, _PRIOR_STD)
     shift, variance = (np.concatenate(each) for each in zip(*found, strict=True))
     weights = np.concatenate([np.full((len(each), 1), 1.0 / len(each)) for each, _ in found])
-    count, error = _PRIOR_ERRORS + len(found), prior**2
+    count, error = _PRIOR_ERRORS + len(found), np.full(axes, _PRIOR_STD**2)
     for _ in range(_ITERATIONS):
         total = error + variance
-        tails = (DEGREES_OF_FREEDOM + 1.0) / (DEGREES_OF_FREEDOM + shift**2 / total)
+        tails = weight(shift**2 / total, 1.0)
         squares = weights * (tails * (error / total * shift) ** 2 + error * variance / total)
-        error = (_PRIOR_ERRORS * prior**2 + squares.sum(axis=0)) / count
+        error = (_PRIOR_ERRORS * _PRIOR_STD**2 + squares.sum(axis=0)) / count
     return np.asarray(np.sqrt(error))

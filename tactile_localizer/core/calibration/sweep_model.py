@@ -9,8 +9,8 @@ from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift
-from tactile_localizer.core.likelihood.noise_model import WhitenedScan, whiten
-from tactile_localizer.core.likelihood.other_material import ENERGY_MEMORY, OtherMaterial
+from tactile_localizer.core.likelihood.noise_model import ENERGY_LENGTH, WhitenedScan, whiten
+from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import (
     StrainMap,
     VarianceModel,
@@ -54,7 +54,7 @@ class SweepModel(NamedTuple):
     def quiet_energy(self, mixture: SweepMixture) -> np.ndarray:
         """Usual energy (F,) of the innovations of the scan's sweeps from featureless material."""
         layout, exponent = self.scan.noise.layout, PITCH / self.scan.material.information_length
-        width, found = round(ENERGY_MEMORY / PITCH), []
+        width, found = round(ENERGY_LENGTH / PITCH), []
         for own in self.scan.tracks.slices:
             innovations, variance = mixture.drift.along(self.scan.strain[own], PITCH, exponent)
             energy = mixture.other.energy(innovations, layout.mean(variance))

@@ -9,8 +9,8 @@ import numpy as np
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.scene import Scene
 
-YAW_LEVER = 0.02
-"""m of travel per radian of yaw: the lever arm of a fingertip about the middle of its contact."""
+YAW_LEVER = 0.06
+"""m of travel per radian of yaw: about the distance of a fingertip from the middle of the palm."""
 
 
 def levers(scene: Scene) -> np.ndarray:

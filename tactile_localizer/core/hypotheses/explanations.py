@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH
 from tactile_localizer.core.likelihood.weights import normalize
 
 LEAST_OTHER = 0.03
@@ -15,9 +16,6 @@ material is still the same. By judgement."""
 RELOCATION_RATE = 1.0
 """Rate at which a hand is placed anywhere on the map, from on it or from elsewhere, per metre of travel. By
 judgement."""
-RETURN_RATE = 3.0
-"""Rate at which a hand on other material is back where it was tracked, per metre of travel: patches of other
-material, a hem or a label, are some 0.3 m long. By judgement."""
 ELSEWHERE = 0.01
 """Distance from the estimate beyond which an anchor is elsewhere, and least travel over which it must explain
 the strain better, m. By judgement."""
@@ -65,7 +63,7 @@ class Explanations(NamedTuple):
         tracked, relocated, other, elsewhere = self
         if self.injection:
             tracked, relocated = tracked + relocated, 0.0
-        returned = -math.expm1(-RETURN_RATE * travel) * other
+        returned = -math.expm1(-travel / PATCH_LENGTH) * other
         tracked, other = tracked * (1.0 - left) + returned, other - returned + tracked * left
         if other < LEAST_OTHER:
             kept = (1.0 - LEAST_OTHER) / (1.0 - other)

@@ -5,6 +5,7 @@ The map, the alternatives to it and the offset of a sweep all use this noise mod
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
+from tactile_localizer.core.likelihood.drift import OUTLIER
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.student_t import scatter
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise, white_noise
@@ -28,10 +30,8 @@ _DIAGONAL_LOADING = 0.05
 _FEATURELESS_STRETCH = 0.2
 """Length of the stretch that varies least, from which the featureless strain of a sweep is taken, as a
 fraction of the sweep."""
-_STRETCH = 0.02
-"""m over which the energy of the reproducible signal is averaged."""
-_LONGEST = 4.0
-"""Length at which a deviation is shortened, in median lengths: one absurd strain does not count."""
+ENERGY_LENGTH = 0.02
+"""m over which the energy of a sweep, or of its signal, is averaged: longer than a feature. By judgement."""
 _SMOOTHING = 0.002
 """m over which the energy of a deviation is averaged."""
 
@@ -228,7 +228,7 @@ def _texture_ratio(whitened: np.ndarray, held_out: HeldOut | None, layout: Chann
     if held_out is None:
         return 1.0
     expected = held_out.interpolation.best(1).expected(whitened).mean[:, 0]
-    energy = layout.mean(_smoothed(whitened[held_out.points] * expected, held_out.slices, _STRETCH))
+    energy = layout.mean(_smoothed(whitened[held_out.points] * expected, held_out.slices, ENERGY_LENGTH))
     typical, strong = np.quantile(energy, [0.5, 0.9], axis=0).sum(axis=1)
     return float(max(typical, 0.0) / max(strong, 1e-300))
 
@@ -253,9 +253,9 @@ def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, materia
 
 
 def bounded(values: np.ndarray) -> np.ndarray:
-    """Vectors (n, C), shortened to :data:`_LONGEST` times their median length."""
+    """Vectors (n, C), shortened where their energy is more than that of an outlier, for their median."""
     length = np.linalg.norm(values, axis=1, keepdims=True)
-    longest = _LONGEST * np.median(length) if len(length) else 0.0
+    longest = math.sqrt(OUTLIER) * np.median(length) if len(length) else 0.0
     return np.asarray(values * np.minimum(1.0, longest / np.maximum(length, 1e-300)))
 
 

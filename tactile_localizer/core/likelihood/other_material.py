@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
+from tactile_localizer.core.likelihood.noise_model import ENERGY_LENGTH
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, weight
 
 _STRENGTHS = np.array([0.0, 0.03, 0.1, 0.3, 1.0, 3.0])
 """Variances of the signal of other material, in those of the map's own signal; zero is featureless."""
-_FORGOTTEN = 0.003
-"""Fraction by which the probabilities of the strengths return to equal ones at each update."""
-
-ENERGY_MEMORY = 0.025
-"""m over which the energy of a sweep on featureless material is averaged. By judgement."""
+PATCH_LENGTH = 0.3
+"""Mean length of other material, such as a hem or a label, m: after it the palm is back where it was tracked,
+or on material of another strength. By judgement."""
 
 
 class OtherMaterial:
@@ -61,7 +62,7 @@ class OtherMaterial:
         """
         widths = self._layout.widths
         squared = self._layout.sum(np.square(strain)) / (self._variance + level_variance)
-        return np.asarray(squared * (DEGREES_OF_FREEDOM + widths) / (DEGREES_OF_FREEDOM + squared) / widths)
+        return np.asarray(squared * weight(squared, widths) / widths)
 
     def update(
         self,
@@ -70,6 +71,7 @@ class OtherMaterial:
         level_variance: np.ndarray,
         scale: np.ndarray,
         used: np.ndarray,
+        travel: float,
         exponent: float,
     ) -> tuple[float, np.ndarray]:
         """Log-likelihood of an innovation, and the log-weights after it.
@@ -81,6 +83,7 @@ class OtherMaterial:
         level_variance : (F,) of the level from which it deviates
         scale : (F,) factor of the variances in this sweep, as on the map
         used : (F,) bool, phalanges that count
+        travel : m since the last update
         exponent : fraction of an independent measurement that the innovation is
         """
         layout, tails = self._layout, DEGREES_OF_FREEDOM
@@ -90,7 +93,7 @@ class OtherMaterial:
         densities -= 0.5 * layout.sum(np.log(variance))
         following = log_weights + exponent * densities
         weights = np.exp(following - np.logaddexp.reduce(following))
-        weights += _FORGOTTEN * (1.0 / len(weights) - weights)
+        weights += -math.expm1(-travel / PATCH_LENGTH) * (1.0 / len(weights) - weights)
         total = float(np.logaddexp.reduce(log_weights + densities)[used].sum())
         return total, np.where(used, np.log(weights), log_weights)
 
@@ -106,5 +109,5 @@ def variance_factor(
     energy : (F,) of the innovation after ``travel`` metres (:meth:`OtherMaterial.energy`)
     quiet : (F,) its usual value in the scan
     """
-    mean = before + min(1.0, travel / ENERGY_MEMORY) * (energy - before)
+    mean = before + min(1.0, travel / ENERGY_LENGTH) * (energy - before)
     return mean, np.maximum(mean / quiet, 1.0)

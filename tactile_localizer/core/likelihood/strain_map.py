@@ -12,7 +12,7 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.noise_model import WhitenedScan, bounded
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
+from tactile_localizer.core.likelihood.student_t import log_density, weight
 from tactile_localizer.core.scan.interpolation import Expectation, interpolate, tiles
 from tactile_localizer.core.scan.tracks import PITCH
 from tactile_localizer.scene import Scene
@@ -177,7 +177,7 @@ def _fitted(
         distance = np.maximum(squared - projected / total, 0.0) / variance
         even = (squared - projected * (2.0 - gain * energy / total) / total) / variance**2
         trace = (widths - gain * energy / total) / variance
-        tails = weights * (DEGREES_OF_FREEDOM + widths) / (DEGREES_OF_FREEDOM + distance)
+        tails = weights * weight(distance, widths)
         found = np.append(np.tensordot(terms, tails * even, axes), np.sum(tails * (product / total) ** 2))
         bound = np.append(np.tensordot(terms, weights * trace, axes), np.sum(weights * energy / total))
         ratio = (factors * found + first / np.maximum(factors, 1e-300)) / (factors * bound + 1.0)

@@ -36,6 +36,17 @@ def log_density(
     return np.asarray(-0.5 * ((DEGREES_OF_FREEDOM + channels) * tails - scale))
 
 
+def weight(squared: np.ndarray, channels: int | np.ndarray | float) -> np.ndarray:
+    """Weight of a residual: the expected precision, in that of the scale matrix (Liu and Rubin, 1995).
+
+    Parameters
+    ----------
+    squared : (...) squared Mahalanobis length of the residual
+    channels : dimension of the residual
+    """
+    return np.asarray((DEGREES_OF_FREEDOM + channels) / (DEGREES_OF_FREEDOM + squared))
+
+
 def scatter(residuals: np.ndarray) -> np.ndarray:
     """Scatter matrix (C, C) of zero-mean ``residuals`` (N, C), by EM (Liu and Rubin, 1995).
 
@@ -47,6 +58,5 @@ def scatter(residuals: np.ndarray) -> np.ndarray:
     for _ in range(_ITERATIONS):
         solved = np.linalg.solve(matrix + floor, residuals.T)
         squared = np.einsum("nc,cn->n", residuals, solved)
-        weights = (DEGREES_OF_FREEDOM + channels) / (DEGREES_OF_FREEDOM + squared)
-        matrix = (weights[:, None] * residuals).T @ residuals / max(count, 1)
+        matrix = (weight(squared, channels)[:, None] * residuals).T @ residuals / max(count, 1)
     return matrix

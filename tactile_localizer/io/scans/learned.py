@@ -29,7 +29,7 @@ from tactile_localizer.scene import Scene
 _log = logging.getLogger(__name__)
 
 FILE = "calibration.json"
-ALGORITHM = 14
+ALGORITHM = 15
 """Number that changes with the algorithm of :func:`~.factory.learn`."""
 
 

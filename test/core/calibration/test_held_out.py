@@ -101,17 +101,17 @@ def test_the_registration_error_of_a_few_sweeps_is_near_its_prior() -> None:
     std, sweeps = 0.001, 7
     shift = [np.tile([std * (-1.0) ** number, 0.0], (80, 1)) for number in range(sweeps)]
     shifts = [(each, np.full((80, 2), 1e-12)) for each in shift]
-    along, across = registration_std(shifts, SHEET)
+    along, across = registration_std(shifts, 2)
     prior, errors = 0.0015, 5.0
     expected = np.sqrt((errors * prior**2 + np.array([sweeps * std**2, 0.0])) / (errors + sweeps))
     np.testing.assert_allclose([along, across], expected, rtol=0.1)
-    lost = registration_std([*shifts, (np.full((80, 2), 0.05), np.full((80, 2), 1e-12))], SHEET)
+    lost = registration_std([*shifts, (np.full((80, 2), 0.05), np.full((80, 2), 1e-12))], 2)
     assert lost[0] < 2.5 * along
 
 
 def test_shifts_that_are_not_known_leave_the_prior() -> None:
     unknown = [(np.zeros((80, 2)), np.full((80, 2), 1.0))] * 7
-    np.testing.assert_allclose(registration_std(unknown, SHEET), 0.0015, rtol=1e-3)
+    np.testing.assert_allclose(registration_std(unknown, 2), 0.0015, rtol=1e-3)
 
 
 def test_a_sweep_is_localized_in_its_surroundings() -> None:

@@ -7,7 +7,8 @@ from scipy.integrate import quad
 from scipy.special import gammaln
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.likelihood.other_material import ENERGY_MEMORY, OtherMaterial, variance_factor
+from tactile_localizer.core.likelihood.noise_model import ENERGY_LENGTH
+from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH, OtherMaterial, variance_factor
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
 from tactile_localizer.core.likelihood.student_t import log_density
 
@@ -17,7 +18,7 @@ SIGNAL[:3, :3] = 40.0 * np.array([[2.0, 1.0, 0.0], [1.0, 2.0, 0.5], [0.0, 0.5, 1
 SIGNAL[3, 3] = 40.0
 MATERIAL = OtherMaterial(LAYOUT, SIGNAL, 1.3)
 NONE, BOTH, SCALE = np.zeros(2), np.ones(2, dtype=bool), np.ones(2)
-EXPONENT = 0.3
+EXPONENT, TRAVEL = 0.3, 0.0005
 
 
 def log_constant(channels: int) -> float:
@@ -29,7 +30,7 @@ def after(material: OtherMaterial, innovations: np.ndarray) -> np.ndarray:
     """Probabilities (G, F) of the strengths after innovations (n, C)."""
     log_weights = material.start()
     for innovation in innovations:
-        _, log_weights = material.update(log_weights, innovation, NONE, SCALE, BOTH, EXPONENT)
+        _, log_weights = material.update(log_weights, innovation, NONE, SCALE, BOTH, TRAVEL, EXPONENT)
     return np.asarray(np.exp(log_weights))
 
 
@@ -40,7 +41,7 @@ def test_its_likelihood_is_a_density() -> None:
 
     def density(strain: float) -> float:
         innovation, one = np.array([strain]), np.ones(1)
-        total, _ = material.update(weights, innovation, 0.7 * one, 2.0 * one, one.astype(bool), 1.0)
+        total, _ = material.update(weights, innovation, 0.7 * one, 2.0 * one, one.astype(bool), TRAVEL, 1.0)
         return float(np.exp(total + log_constant(1)))
 
     assert quad(density, -np.inf, np.inf, limit=200)[0] == pytest.approx(1.0, abs=1e-6)
@@ -51,7 +52,7 @@ def test_without_a_signal_it_is_featureless_material() -> None:
     featureless[0] = 0.0
     innovation, level, scale = np.array([1.0, -2.0, 0.5, 3.0]), np.array([0.7, 0.0]), np.array([2.0, 1.0])
     with np.errstate(divide="ignore"):
-        total, _ = MATERIAL.update(featureless, innovation, level, scale, BOTH, EXPONENT)
+        total, _ = MATERIAL.update(featureless, innovation, level, scale, BOTH, TRAVEL, EXPONENT)
     expected = sum(
         stats.multivariate_t(np.zeros(size), variance * np.eye(size), df=NU).logpdf(own) - log_constant(size)
         for size, variance, own in zip(
@@ -75,6 +76,13 @@ def test_strengths_follow_the_signal_of_each_phalanx_and_are_forgotten() -> None
         np.testing.assert_array_equal(after(MATERIAL, series).argmax(axis=0), strengths)
 
 
+def test_after_the_length_of_a_patch_its_strength_may_be_any() -> None:
+    before = np.random.default_rng(0).dirichlet(np.ones(len(MATERIAL.start())), 2).T
+    _, found = MATERIAL.update(np.log(before), np.zeros(4), NONE, SCALE, BOTH, PATCH_LENGTH, 0.0)
+    kept = np.exp(-1.0)
+    np.testing.assert_allclose(np.exp(found), kept * before + (1.0 - kept) / len(before))
+
+
 @pytest.mark.parametrize("volts", [1e2, 1e4, 1e8])
 @pytest.mark.parametrize("factor", [1.0, 6.0])
 def test_a_strain_in_another_unit_is_other_material_however_uncertain_a_place_of_the_map_is(
@@ -82,7 +90,7 @@ def test_a_strain_in_another_unit_is_other_material_however_uncertain_a_place_of
 ) -> None:
     """Far off in every direction, also in those in which the map has no signal, and in a noisy sweep."""
     strain, scale = factor * volts * np.random.default_rng(0).standard_normal(4), factor * SCALE
-    total, _ = MATERIAL.update(MATERIAL.start(), strain, NONE, scale, BOTH, EXPONENT)
+    total, _ = MATERIAL.update(MATERIAL.start(), strain, NONE, scale, BOTH, TRAVEL, EXPONENT)
     signal = np.array([np.linalg.eigvalsh(SIGNAL[own, own]).max() for own in LAYOUT.slices])
     there = log_density(LAYOUT.sum(strain**2), 0.5 * scale * signal, LAYOUT.widths).sum()
     assert total > there
@@ -91,7 +99,7 @@ def test_a_strain_in_another_unit_is_other_material_however_uncertain_a_place_of
 def test_a_signal_in_a_direction_in_which_the_map_has_none_is_other_material_too() -> None:
     material, one = OtherMaterial(ChannelLayout((2,)), np.diag([40.0, 0.0]), 1.3), np.ones(1)
     along, across = (
-        material.update(material.start(), strain, 0.0 * one, one, one.astype(bool), EXPONENT)[0]
+        material.update(material.start(), strain, 0.0 * one, one, one.astype(bool), TRAVEL, EXPONENT)[0]
         for strain in 30.0 * np.eye(2)
     )
     assert across > along - 5.0
@@ -100,7 +108,7 @@ def test_a_signal_in_a_direction_in_which_the_map_has_none_is_other_material_too
 def test_a_phalanx_that_does_not_count_changes_nothing() -> None:
     first, start = np.array([True, False]), MATERIAL.start()
     one, other = (np.array([1.0, 2.0, 3.0, last]) for last in (0.0, 1e6))
-    found = [MATERIAL.update(start, strain, NONE, SCALE, first, EXPONENT) for strain in (one, other)]
+    found = [MATERIAL.update(start, strain, NONE, SCALE, first, TRAVEL, EXPONENT) for strain in (one, other)]
     assert found[0][0] == found[1][0]
     for _, log_weights in found:
         np.testing.assert_array_equal(log_weights[:, 1], start[:, 1])
@@ -119,16 +127,16 @@ def test_it_is_the_same_material_in_other_coordinates() -> None:
     transform = np.eye(4)
     transform[:3, :3] = rotation
     innovation, start = np.array([1.0, -20.0, 5.0, 3.0]), MATERIAL.start()
-    plain, _ = MATERIAL.update(start, innovation, NONE, SCALE, BOTH, EXPONENT)
+    plain, _ = MATERIAL.update(start, innovation, NONE, SCALE, BOTH, TRAVEL, EXPONENT)
     turned = MATERIAL.transformed(transform)
-    moved, _ = turned.update(start, transform @ innovation, NONE, SCALE, BOTH, EXPONENT)
+    moved, _ = turned.update(start, transform @ innovation, NONE, SCALE, BOTH, TRAVEL, EXPONENT)
     assert moved == pytest.approx(plain)
 
 
 def test_a_sweep_that_deviates_more_than_the_scan_widens_a_visit_by_as_much():
     quiet = np.array([0.5, 2.0])
     for energy, factor in ((0.1, 1.0), (3.0, 3.0), (50.0, 50.0)):
-        _, found = variance_factor(quiet, energy * quiet, quiet, ENERGY_MEMORY)
+        _, found = variance_factor(quiet, energy * quiet, quiet, ENERGY_LENGTH)
         np.testing.assert_allclose(found, factor)
-    mean, _ = variance_factor(quiet, 3.0 * quiet, quiet, 0.5 * ENERGY_MEMORY)
+    mean, _ = variance_factor(quiet, 3.0 * quiet, quiet, 0.5 * ENERGY_LENGTH)
     np.testing.assert_allclose(mean, 2.0 * quiet)

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.scans import raster
 
+from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.core.scan.interpolation import hold_out, interpolate, tiles
 from tactile_localizer.core.scan.tracks import Tracks
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -80,7 +81,7 @@ def test_interpolation_across_the_wrap_of_yaw() -> None:
     tracks = joined(scene, *lines)
     expected = interpolate(tracks, np.array([[0.01, -np.pi + 1e-6]]), 0.002).expected(tracks.strain)
     assert expected.mean[0, 0, 0] == pytest.approx(0.0, abs=1e-3)
-    assert expected.distance[0] == pytest.approx(0.05 * 0.02, abs=1e-6)
+    assert expected.distance[0] == pytest.approx(0.05 * YAW_LEVER, abs=1e-6)
 
 
 def test_places_are_interpolated_alike_among_few_and_many_others(monkeypatch: pytest.MonkeyPatch) -> None:
