@@ -21,7 +21,7 @@ NODES_PER_CELL = 2
 """Nodes of the lattice per cell and axis; on three axes one, for memory."""
 MOST_CELLS_IN_SPACE = 25_000
 """Largest number of cells on three axes, with which a measurement update from a uniform prior takes less than
-10 ms: 50 mm x 50 mm x 20 degrees at 0.7 mm and 2 degrees."""
+10 ms: 50 mm x 50 mm x 20 degrees at 1.3 mm and 1.2 degrees."""
 _MOST_POINTS = 200
 """Points of a held-out track, about, to which the variance model is fitted."""
 _LONGEST_CORRELATION = 0.03
