@@ -41,7 +41,7 @@ def test_the_level_of_a_sweep_does_not_move_the_position_of_another_model() -> N
     way = np.column_stack([np.arange(0.002, 0.026, 0.0005), np.full(48, 0.024)])
     bump = 30.0 * np.exp(-0.5 * np.sum(((way - 0.025) / 0.004) ** 2, axis=1))[:, None]
     felt, ends = bump * np.linspace(-1.0, 1.0, 4), []
-    for level in (0.0, 3.0):
+    for level in (0.0, 4.0):
         localizer.reset()
         for n, (place, strain) in enumerate(zip(way, felt + level, strict=True)):
             estimate = localizer.update(n * 10**7, place, strain)

@@ -11,6 +11,8 @@ from tactile_localizer.core.likelihood.drift import innovations
 
 _SHEET, _CLOTH = 0.1, 0.3
 """Texture ratios up to which a material is a sheet, and from which it is cloth. By judgement."""
+_SESSION_RATIO = 4.0
+"""Variance ratio of sheets: another session, with another force, differs twice as much. By judgement."""
 _CLOTH_MEMORY = 0.01
 """m of travel over which the level is averaged on cloth. By judgement."""
 _SHEET_LENGTH, _CLOTH_LENGTH = 0.0017, 0.0065
@@ -42,12 +44,12 @@ class Material(NamedTuple):
     @property
     def session_ratio(self) -> float:
         """Variance of the level of a new sweep, in that of the scan's sweeps; infinite: unknown."""
-        return 1.0 / self.sheet if self.sheet > 0.0 else math.inf
+        return _SESSION_RATIO / self.sheet if self.sheet > 0.0 else math.inf
 
     @property
     def level_variance(self) -> float:
         """Variance of what is left of the level of a scan's sweep, in that of a strain."""
-        return self.session_ratio - 1.0
+        return (1.0 - self.sheet) / self.sheet if self.sheet > 0.0 else math.inf
 
     @property
     def memory(self) -> float:

@@ -137,12 +137,12 @@ def test_on_cloth_featureless_strain_does_not_turn_with_yaw() -> None:
     assert not estimate.noise.turning.any()
 
 
-def test_offsets_of_sweeps_are_removed_and_expected_of_a_new_one() -> None:
+def test_offsets_of_sweeps_are_removed_and_those_of_a_new_session_are_twice_as_large() -> None:
     estimate = whiten(bump_scan(SHEET, offsets=5.0), SHEET)
     assert estimate.material.sheet == 1.0
     assert estimate.offsets.std(axis=0).mean() == pytest.approx(5.0, rel=0.3)
     variance = np.var(estimate.offsets @ estimate.noise.whitening.T, axis=0, ddof=1)
-    assert estimate.noise.offset_variance.mean() == pytest.approx(variance.mean())
+    assert estimate.noise.offset_variance.mean() == pytest.approx(2.0**2 * variance.mean())
 
 
 def test_strains_outside_the_region_are_zero() -> None:
@@ -168,7 +168,7 @@ def test_memory_and_information_length_change_gradually_from_cloth_to_sheet() ->
         found.append(whiten(replace(scan, strain=strain), CLOTH).material)
     assert (found[0].sheet, found[-1].sheet) == (0.0, 1.0)
     assert (found[0].memory, found[-1].memory) == (0.01, np.inf)
-    assert (found[0].session_ratio, found[-1].session_ratio) == (np.inf, 1.0)
+    assert (found[0].session_ratio, found[-1].session_ratio) == (np.inf, 4.0)
     lengths = [each.information_length for each in found]
     assert lengths == sorted(set(lengths), reverse=True)
 
