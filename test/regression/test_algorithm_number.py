@@ -7,7 +7,7 @@ from tactile_localizer.io.recording import scan_of
 from tactile_localizer.io.scans.learned import ALGORITHM
 from tactile_localizer.sim import shipped_scene, simulate_recording
 
-LEARNED = {15: [0.001034, 0.00129, 0.2019, 0.01553, 0.07153, 0.07641, 0.004657]}
+LEARNED = {15: [0.001032, 0.001288, 0.2018, 0.01527, 0.07116, 0.07471, 0.004641]}
 """By number, registration error and factors of the variance of a simulated scan. After a change that alters
 them, add one to ``ALGORITHM`` and write the new ones here, so that scans are calibrated anew."""
 

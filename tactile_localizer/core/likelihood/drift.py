@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 OUTLIER = 100.0
-"""Energy of an outlier, in that of the strongest signal, or in the median of a scan's. By judgement."""
+"""Ratio of the energy of an outlier to the largest that is expected. By judgement."""
 _LARGEST_GAIN = 1.0 - 1e-9
 """Gain of the first strain of a sweep whose level is unknown: its innovation has a variance of 1e9."""
 

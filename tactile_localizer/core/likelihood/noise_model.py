@@ -5,7 +5,6 @@ The map, the alternatives to it and the offset of a sweep all use this noise mod
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -15,7 +14,6 @@ from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
-from tactile_localizer.core.likelihood.drift import OUTLIER
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.student_t import scatter
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise, white_noise
@@ -32,6 +30,8 @@ _FEATURELESS_STRETCH = 0.2
 fraction of the sweep."""
 ENERGY_LENGTH = 0.02
 """m over which the energy of a sweep, or of its signal, is averaged: longer than a feature. By judgement."""
+_LONGEST = 4.0
+"""Length at which a deviation is shortened, in median lengths: one absurd strain hardly counts."""
 _SMOOTHING = 0.002
 """m over which the energy of a deviation is averaged."""
 
@@ -253,9 +253,9 @@ def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, materia
 
 
 def bounded(values: np.ndarray) -> np.ndarray:
-    """Vectors (n, C), shortened where their energy is more than that of an outlier, for their median."""
+    """Vectors (n, C), shortened to :data:`_LONGEST` times their median length."""
     length = np.linalg.norm(values, axis=1, keepdims=True)
-    longest = math.sqrt(OUTLIER) * np.median(length) if len(length) else 0.0
+    longest = _LONGEST * np.median(length) if len(length) else 0.0
     return np.asarray(values * np.minimum(1.0, longest / np.maximum(length, 1e-300)))
 
 
