@@ -16,6 +16,8 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import Tracks
 from tactile_localizer.scene import Scene
 
+_POSITION_PER_SPACING = 0.8
+"""Kernel width in position, in spacings of the lines."""
 _MIN_POSITION_STD = 0.001
 """m: least width in position, for sweeps over one line."""
 
@@ -31,7 +33,7 @@ def choose_kernel_widths(scan: Scan, scene: Scene, given: ModelParameters) -> Mo
     # A positive width also for a channel in which most sweeps agree exactly.
     least = 1e-3 * strain.std(axis=0) + 1e-12 * np.abs(strain).max(axis=0) + 1e-30
     widths = {
-        "position_std": max(line_spacing(tracks), _MIN_POSITION_STD) / levers(scene),
+        "position_std": max(_POSITION_PER_SPACING * line_spacing(tracks), _MIN_POSITION_STD) / levers(scene),
         "strain_std": np.maximum(difference, least),
     }
     return replace(given, **{name: width for name, width in widths.items() if getattr(given, name) is None})
