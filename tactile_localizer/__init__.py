@@ -5,12 +5,10 @@ The public names (:data:`__all__`) are imported from here and need no ROS::
     from tactile_localizer import load_scan, make_localizer, read_recording
 
     scan, scene = load_scan("bump_scan")
-    localizer = make_localizer(scan, scene, seed=1, scan_file="bump_scan")
-    for sweep in read_recording("test.csv.gz", scene).sweeps:
-        localizer.reset()
-        for stamp_ns, position, strain in zip(sweep.stamp_ns, sweep.position, sweep.strain):
-            estimate = localizer.update(stamp_ns, position, strain)
-        print(sweep.number, estimate.mean, estimate.converged, estimate.reason)
+    localizer = make_localizer(scan, scene, scan_file="bump_scan")
+    for sample in read_recording("test.csv.gz", scene).sweeps[0].samples():
+        estimate = localizer.update(*sample)
+    print(estimate.mean, estimate.converged, estimate.reason)
 
 Layers, lowest first: :mod:`~tactile_localizer.core` (numpy and scipy only), then
 :mod:`~tactile_localizer.io` (files and CAN), :mod:`~tactile_localizer.sim` and
@@ -96,4 +94,4 @@ def _version() -> str:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return sorted([*__all__, "__version__"])

@@ -8,11 +8,13 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import importlib
 import keyword
 import os
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from tactile_localizer import __version__
 from tactile_localizer.errors import TactileLocalizerError
@@ -39,7 +41,7 @@ values to set for a new hand and material; everything else has a default or is l
 _NEEDED = {
     **{
         name: f"pip install {name}, or this package as '.[offline]'"
-        for name in ("joblib", "matplotlib", "rosbags")
+        for name in ("argcomplete", "jinja2", "joblib", "matplotlib", "rosbags")
     },
     "distributed": "pip install 'dask[distributed]', or this package as '.[cluster]'",
     "rclpy": "source ROS 2; `make demo` makes an environment that has it",
@@ -61,6 +63,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     try:
+        if "_ARGCOMPLETE" in os.environ:
+            _complete()
         args = command_parser(arguments).parse_args(arguments)
         status: int = args.run(args)
         sys.stdout.flush()
@@ -85,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def command_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """Parser of all subcommands, with the options of the one that ``arguments`` begin with."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="tactile-localizer",
         description="Localize a robot hand on flexible material by touch.",
         epilog=_EPILOG,
@@ -101,3 +105,23 @@ def command_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
             command.add_arguments(subparser)
             subparser.set_defaults(run=command.run)
     return parser
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that names the choice which a misspelled one resembles, as Python's own does from 3.14 on."""
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        try:
+            super()._check_value(action, value)
+        except argparse.ArgumentError as error:
+            similar = difflib.get_close_matches(str(value), map(str, action.choices or ()), 1)
+            suggestion = f"; did you mean {similar[0]}?" if similar else ""
+            raise argparse.ArgumentError(action, f"{error.message}{suggestion}") from None
+
+
+def _complete() -> None:
+    """Answer the shell that asks how a command line goes on, and exit."""
+    import argcomplete
+
+    typed = os.environ["COMP_LINE"][: int(os.environ["COMP_POINT"])].split()
+    argcomplete.autocomplete(command_parser(typed[1:]))

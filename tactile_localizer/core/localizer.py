@@ -158,6 +158,12 @@ class Localizer:
         self._belief: Belief | None = None
         self._restart()
 
+    def __repr__(self) -> str:
+        """One line: scene, axes, filter and model."""
+        names = ", ".join(self.scene.axis_names)
+        model = type(self._position_model or self.model).__name__
+        return f"<Localizer on {self.scene.name} ({names}): {type(self.filter).__name__}, {model}>"
+
     def reset(self) -> None:
         """Return to a uniform belief over the scene, and forget what was felt."""
         self.filter.reset()

@@ -5,7 +5,7 @@ Import, replay and evaluation work on a :class:`Recording` and do not depend on 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -65,6 +65,14 @@ class RecordedSweep:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
+    def __repr__(self) -> str:
+        """One line, without the arrays."""
+        return f"<RecordedSweep {self.number} of {len(self)} samples>"
+
+    def samples(self) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
+        """Stamp, position, strain and usable phalanges of each sample, as :meth:`.Localizer.update` takes."""
+        return zip(self.stamp_ns.tolist(), self.position, self.strain, usable(self.status), strict=True)
+
     def part(self, rows: slice | np.ndarray, number: int, gaps: int = 0) -> RecordedSweep:
         """A subset of the samples, (n,) bool or a slice, as a separate sweep."""
         names = ("stamp_ns", "position", "strain", "status", "truth", "felt")
@@ -91,6 +99,10 @@ class Recording:
 
     def __len__(self) -> int:
         return sum(map(len, self.sweeps))
+
+    def __repr__(self) -> str:
+        """One line, without the sweeps."""
+        return f"<Recording {self.source} of {len(self)} samples in {len(self.sweeps)} sweeps>"
 
 
 def join(recordings: Sequence[Recording]) -> Recording:

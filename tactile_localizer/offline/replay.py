@@ -17,7 +17,7 @@ import numpy as np
 from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.errors import MeasurementError
-from tactile_localizer.io.recording import NO_CONTACT, RecordedSweep, Recording, usable
+from tactile_localizer.io.recording import NO_CONTACT, RecordedSweep, Recording
 from tactile_localizer.offline.odometry import travelled
 from tactile_localizer.scene import Scene
 
@@ -109,15 +109,12 @@ def replay(
     for sweep in recording.sweeps:
         localizer.reset()
         taken: list[tuple[int, Estimate, float]] = []
-        samples = zip(
-            sweep.stamp_ns.tolist(), sweep.position, sweep.strain, usable(sweep.status), strict=True
-        )
-        for row, (stamp_ns, position, strain, here) in enumerate(samples):
+        for row, sample in enumerate(sweep.samples()):
             if progress is not None and row % _REPORT_EVERY == 0:
                 progress("replaying", (done + row) / total)
             began = time.thread_time()
             with contextlib.suppress(MeasurementError):  # counted as refused
-                estimate = localizer.update(stamp_ns, position, strain, here)
+                estimate = localizer.update(*sample)
                 taken.append((row, estimate, time.thread_time() - began))
         done += len(sweep)
         replayed.append(_replayed_sweep(localizer.scene, sweep, taken))

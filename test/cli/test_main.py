@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import types
+from pathlib import Path
 
 import pytest
 
@@ -123,3 +125,49 @@ def test_a_seed_that_is_no_number_is_refused(command, seed, capsys: pytest.Captu
     refusal = capsys.readouterr().err
     assert "argument --seed" in refusal
     assert refusal.endswith(f"got {seed}\n")
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("relay a.csv --scan a_scan", "replay"),
+        ("scan inf a_scan", "info"),
+        ("import cvs a.csv", "csv"),
+        ("replay a.csv --scan a_scan --filter gird", "grid"),
+    ],
+)
+def test_a_misspelled_word_has_a_suggestion(typed: str, meant: str, capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(typed.split())
+    assert capsys.readouterr().err.endswith(f"; did you mean {meant}?\n")
+
+
+def test_a_word_that_resembles_none_has_no_suggestion(capsys: pytest.CaptureFixture) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(["xyzzy"])
+    assert "did you mean" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("rep", {"replay "}),
+        ("scan ", {"info", "plot"}),
+        ("replay --filter ", {"grid", "particle"}),
+        ("replay --od", {"--odometry "}),
+    ],
+)
+def test_a_shell_completes_commands_and_choices(typed: str, offered: set[str], tmp_path: Path) -> None:
+    pytest.importorskip("argcomplete")
+    line = f"tactile-localizer {typed}"
+    shell = {
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "offered"),
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+    }
+    program = "from tactile_localizer.cli import main; main()"
+    subprocess.run([sys.executable, "-c", program], env={**os.environ, **shell}, check=True)
+    words = (tmp_path / "offered").read_text().split("\013")
+    assert offered <= set(words)
+    assert all(word.startswith(typed.rpartition(" ")[2]) for word in words)

@@ -63,6 +63,14 @@ class Scan:
     def __len__(self) -> int:
         return len(self.states)
 
+    def __repr__(self) -> str:
+        """One line, without the arrays."""
+        axes, phalanges = ", ".join(self.axes), ", ".join(self.phalanges)
+        return (
+            f"<Scan of {len(self)} pairs in {len(self.sweep_numbers)} sweeps along {axes}: "
+            f"{phalanges}, {self.layout.size} channels>"
+        )
+
     def select(self, keep: np.ndarray) -> Scan:
         """A scan of some of the pairs, by boolean mask or indices."""
         return replace(self, states=self.states[keep], strain=self.strain[keep], sweep=self.sweep[keep])
