@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.geometry.synchronization import NANOSECONDS
+from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.quantity import is_number
 

@@ -7,7 +7,7 @@ from array import array
 import numpy as np
 from builtin_interfaces.msg import Time
 
-from tactile_localizer.core.geometry.synchronization import NANOSECONDS
+from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.msg import StrainVectors
 
 

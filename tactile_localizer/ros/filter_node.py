@@ -22,7 +22,8 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from std_srvs.srv import Empty
 
 from tactile_localizer.core.factory import build_localizer, convergence_criteria
-from tactile_localizer.core.geometry.synchronization import NANOSECONDS, Pair
+from tactile_localizer.core.geometry.runs import NANOSECONDS
+from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan

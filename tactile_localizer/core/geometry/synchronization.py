@@ -15,12 +15,19 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.geometry.runs import (
+    LATE,
+    NANOSECONDS,
+    POSES,
+    STRAIN,
+    Runs,
+    runs_of,
+    runs_of_both,
+)
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Axis
 
 T = TypeVar("T")
-
-NANOSECONDS = 1_000_000_000
 
 DEFAULT_MAX_GAP_S = 0.1
 """Longest time between two poses across which positions are still interpolated, s."""
@@ -82,6 +89,45 @@ def interpolate_poses(
     return positions, found
 
 
+def pair_recorded(
+    axes: tuple[Axis, ...],
+    stamp_ns: np.ndarray,
+    pose_ns: np.ndarray,
+    poses: np.ndarray,
+    max_gap_s: float = DEFAULT_MAX_GAP_S,
+    strain_before: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pair recorded strain vectors with palm poses as :class:`Pairing` does live; see :class:`Runs`.
+
+    Parameters
+    ----------
+    axes : the d axes
+    stamp_ns : (n,) stamps of the strain vectors, in the order of arrival or of the rows of a file, ns
+    pose_ns, poses : (m,) and (m, d) the same of the palm poses, which are finite, m (yaw: rad)
+    max_gap_s : longest time between the two poses around a stamp, s
+    strain_before : (m,) number of strain vectors that had arrived before each pose, which a bag knows;
+        ``None``: of separate files, runs are paired in their order, or all with the only run of the poses
+
+    Returns
+    -------
+    positions : (n, d) ndarray; NaN where there is none
+    found : (n,) bool
+    sweep : (n,) int, number of backward jumps of the strain before each, or :data:`LATE`
+    """
+    sweep, pose_run = runs_of(stamp_ns), runs_of(pose_ns)
+    run = sweep if pose_run.max(initial=0) else np.minimum(sweep, 0)
+    if strain_before is not None and (sweep.max(initial=0) or pose_run.max(initial=0)):
+        run, pose_run = runs_of_both(stamp_ns, pose_ns, strain_before)
+    positions = np.full((len(stamp_ns), len(axes)), math.nan)
+    found = np.zeros(len(stamp_ns), dtype=bool)
+    for number in set(run.tolist()) - {LATE}:
+        rows, near = run == number, pose_run == number
+        positions[rows], found[rows] = interpolate_poses(
+            axes, pose_ns[near], poses[near], stamp_ns[rows], max_gap_s
+        )
+    return positions, found, sweep
+
+
 @dataclass(frozen=True)
 class Pair(Generic[T]):
     """A strain vector with the palm position at its stamp.
@@ -101,9 +147,8 @@ class Pair(Generic[T]):
 class Pairing(Generic[T]):
     """Pairs strain vectors with palm positions by their stamps, as they arrive.
 
-    A strain vector waits for the pose that follows it. Whichever topic is late, the pairs are those that
-    :func:`interpolate_poses` finds in a recording of both. A stamp that is not later than the newest of its
-    topic is late, unless it is so much earlier that time itself has jumped back (a looping bag).
+    A strain vector waits for the pose that follows it. Whichever topic is late, also where time jumps back,
+    the pairs are those that :func:`pair_recorded` finds in a recording of both.
 
     Parameters
     ----------
@@ -113,8 +158,6 @@ class Pairing(Generic[T]):
 
     Attributes
     ----------
-    late : number of poses and strain vectors dropped because a later one had already arrived
-    resets : number of backward jumps of the stamps, each of which clears everything
     forward_jumps : number of strain stamps more than ``patience_s`` after the last: silence, or a clock set
     """
 
@@ -125,38 +168,45 @@ class Pairing(Generic[T]):
         max_gap_s: float = DEFAULT_MAX_GAP_S,
         patience_s: float = DEFAULT_PATIENCE_S,
     ) -> None:
-        self.late = 0
-        self.resets = 0
         self.forward_jumps = 0
         self._axes = axes
         self._max_gap_s = max_gap_s
         self._patience_ns = round(patience_s * NANOSECONDS)
         # Poses are kept for as long as a strain vector that needs them may wait.
         self._length_ns = 2 * self._patience_ns + round(max_gap_s * NANOSECONDS)
-        self._pose_ns: list[int] = []
-        self._poses: list[np.ndarray] = []
-        self._waiting: deque[tuple[int, T]] = deque()
-        self._newest_strain_ns: int | None = None
+        self._runs = Runs()
+        self._poses: dict[int, tuple[list[int], list[np.ndarray]]] = {}  # stamps and positions by run
+        self._waiting: deque[tuple[int, int, T]] = deque()  # run, stamp, measurement
+
+    @property
+    def late(self) -> int:
+        """Number of poses and strain vectors dropped because a later one had already arrived."""
+        return self._runs.late
+
+    @property
+    def resets(self) -> int:
+        """Number of backward jumps of the stamps."""
+        return max(self._runs.jumps)
 
     @property
     def newest_ns(self) -> int | None:
         """Stamp of the newest strain vector, ns; ``None`` before the first."""
-        return self._newest_strain_ns
+        return self._runs.newest_ns[STRAIN]
 
     @property
     def newest_pose_ns(self) -> int | None:
         """Stamp of the newest pose, ns; ``None`` before the first."""
-        return self._pose_ns[-1] if self._pose_ns else None
+        return self._runs.newest_ns[POSES]
 
     @property
     def newest_input_ns(self) -> int:
         """Stamp of the newest strain vector or pose, ns; 0 before the first."""
-        return max(self._newest_strain_ns or 0, self.newest_pose_ns or 0)
+        return max(self.newest_ns or 0, self.newest_pose_ns or 0)
 
     @property
     def waiting_ns(self) -> int | None:
         """Stamp of the oldest strain vector that waits for a pose, ns; ``None`` when none waits."""
-        return self._waiting[0][0] if self._waiting else None
+        return self._waiting[0][1] if self._waiting else None
 
     @property
     def waiting(self) -> int:
@@ -174,64 +224,56 @@ class Pairing(Generic[T]):
         if np.shape(position) != (len(self._axes),) or not np.all(np.isfinite(position)):
             names = ", ".join(axis.name for axis in self._axes)
             raise MeasurementError(f"palm position: expected finite {names}, got {position}")
-        done = self._arrived(stamp_ns, self.newest_pose_ns)
-        if done is None:
+        if (run := self._runs.add(POSES, stamp_ns)) == LATE:
             return []
-        self._pose_ns.append(stamp_ns)
-        self._poses.append(np.asarray(position, dtype=np.float64))
+        pose_ns, poses = self._poses.setdefault(run, ([], []))
+        pose_ns.append(stamp_ns)
+        poses.append(np.asarray(position, dtype=np.float64))
         # Deleting only once half of the poses are old makes the cost per pose constant.
-        if 2 * (stamp_ns - self._pose_ns[0]) > 3 * self._length_ns:
-            old = bisect_left(self._pose_ns, stamp_ns - self._length_ns)
-            del self._pose_ns[:old], self._poses[:old]
-        return done + self._complete()
+        if 2 * (stamp_ns - pose_ns[0]) > 3 * self._length_ns:
+            old = bisect_left(pose_ns, stamp_ns - self._length_ns)
+            del pose_ns[:old], poses[:old]
+        return self._complete()
 
     def add_strain(self, stamp_ns: int, measurement: T) -> list[Pair[T]]:
         """Add a strain vector; returns the pairs that are now complete, by stamp."""
-        newest = self._newest_strain_ns
-        done = self._arrived(stamp_ns, newest)
-        if done is None:
+        newest_ns = self.newest_ns
+        if (run := self._runs.add(STRAIN, stamp_ns)) == LATE:
             return []
-        self.forward_jumps += newest is not None and stamp_ns - newest > self._patience_ns
-        self._newest_strain_ns = stamp_ns
-        self._waiting.append((stamp_ns, measurement))
-        return done + self._complete()
+        self.forward_jumps += newest_ns is not None and stamp_ns - newest_ns > self._patience_ns
+        self._waiting.append((run, stamp_ns, measurement))
+        return self._complete()
 
     def finish(self) -> list[Pair[T]]:
         """End of the stream: returns the strain vectors that are still waiting, without positions."""
-        unpaired = [Pair(stamp_ns, None, measurement) for stamp_ns, measurement in self._waiting]
+        unpaired = [Pair(stamp_ns, None, measurement) for _, stamp_ns, measurement in self._waiting]
         self._waiting.clear()
         return unpaired
 
     def _complete(self) -> list[Pair[T]]:
         pairs = []
-        newest_pose, newest_strain = self.newest_pose_ns, self._newest_strain_ns
-        while self._waiting and newest_strain is not None:
-            stamp_ns, measurement = self._waiting[0]
-            must_wait = newest_pose is None or stamp_ns > newest_pose
-            if must_wait and newest_strain - stamp_ns <= self._patience_ns:
+        strain_run, pose_run = self._runs.number
+        while self._waiting:
+            run, stamp_ns, measurement = self._waiting[0]
+            pose_ns, poses = self._poses.get(run, ([], []))
+            is_covered = pose_run > run or (pose_ns and pose_ns[-1] >= stamp_ns)
+            waited_ns = (self.newest_ns or 0) - stamp_ns if run == strain_run else 0
+            if not is_covered and waited_ns <= self._patience_ns:
                 break
             self._waiting.popleft()
-            pairs.append(Pair(stamp_ns, self._position(stamp_ns), measurement))
+            pairs.append(Pair(stamp_ns, self._position(stamp_ns, pose_ns, poses), measurement))
+        oldest = self._waiting[0][0] if self._waiting else strain_run
+        self._poses = {run: each for run, each in self._poses.items() if run >= oldest}
         return pairs
 
-    def _position(self, stamp_ns: int) -> np.ndarray | None:
-        after = bisect_left(self._pose_ns, stamp_ns)
+    def _position(self, stamp_ns: int, pose_ns: list[int], poses: list[np.ndarray]) -> np.ndarray | None:
+        after = bisect_left(pose_ns, stamp_ns)
         around = slice(max(after - 1, 0), after + 1)
-        pose_ns, poses = np.array(self._pose_ns[around]), np.array(self._poses[around])
         positions, found = interpolate_poses(
-            self._axes, pose_ns, poses, np.array([stamp_ns]), self._max_gap_s
+            self._axes,
+            np.array(pose_ns[around]),
+            np.array(poses[around]),
+            np.array([stamp_ns]),
+            self._max_gap_s,
         )
         return positions[0] if found[0] else None
-
-    def _arrived(self, stamp_ns: int, newest_ns: int | None) -> list[Pair[T]] | None:
-        """Pairs that end where time jumps back; ``None``: the stamp is late by the newest of its topic."""
-        if newest_ns is None or stamp_ns > newest_ns:
-            return []
-        if newest_ns - stamp_ns <= self._length_ns:
-            self.late += 1
-            return None
-        self.resets += 1
-        self._newest_strain_ns = None
-        self._pose_ns.clear()
-        self._poses.clear()
-        return self.finish()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_localizer.core.geometry.synchronization import NANOSECONDS
+from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.scene import Axis
 
 DEFAULT_REVERSAL_M = 0.002

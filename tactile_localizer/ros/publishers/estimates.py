@@ -13,7 +13,7 @@ from std_msgs.msg import Bool, Header
 from visualization_msgs.msg import MarkerArray
 
 from tactile_localizer.core.filters.resampling import systematic
-from tactile_localizer.core.geometry.synchronization import NANOSECONDS
+from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.msg import Posterior
 from tactile_localizer.ros.base.parameters import Parameters

@@ -13,10 +13,10 @@ from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
+from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.core.geometry.synchronization import (
     DEFAULT_MAX_GAP_S,
     DEFAULT_PATIENCE_S,
-    NANOSECONDS,
     Pair,
     Pairing,
 )

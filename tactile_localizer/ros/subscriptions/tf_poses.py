@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 
-from tactile_localizer.core.geometry.synchronization import NANOSECONDS
+from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.ros.base.parameters import import_optional
 

@@ -8,7 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.geometry.synchronization import Pairing, interpolate_poses, near_bounds
+from tactile_localizer.core.geometry.runs import LATE, runs_of
+from tactile_localizer.core.geometry.synchronization import (
+    Pairing,
+    interpolate_poses,
+    near_bounds,
+    pair_recorded,
+)
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Axis
 
@@ -111,8 +117,8 @@ def test_a_backward_jump_of_either_topic_resets(first):
         assert pose(pairing, 100, 0.5) == [(100_001, None)]
         assert strain(pairing, 105) == []
     else:
-        assert strain(pairing, 105) == [(100_001, None)]
-        assert pose(pairing, 100, 0.5) == []
+        assert strain(pairing, 105) == [], "a pose from before the jump may follow"
+        assert pose(pairing, 100, 0.5) == [(100_001, None)]
     assert pose(pairing, 110, 0.7) == [(105, 0.6)]
     assert pairing.resets == 1
 
@@ -151,3 +157,65 @@ def test_pairs_do_not_depend_on_the_order_of_arrival(order, pose_steps, strain_s
     for pair, position in zip(pairs, expected, strict=True):
         if pair.position is not None:
             np.testing.assert_array_equal(pair.position, position)
+
+
+def test_a_stamp_is_late_by_half_a_second_at_most():
+    seconds = np.array([0.0, 1.0, 1.0, 0.5, 1.2, 0.6999, 0.8, 0.2, 0.3])
+    np.testing.assert_array_equal(runs_of((seconds * 1e9).astype(int)), [0, 0, LATE, LATE, 0, 1, 1, 2, 2])
+
+
+def streams(rng):
+    """Stamps of strain and poses, and the times of their arrival: backward jumps, silence, late messages."""
+    begin, stamp, stamps, arrivals = 0, 50_000, ([], []), ([], [])
+    for _ in range(rng.integers(1, 5)):
+        silence = rng.integers(0, 5000)
+        begin, stamp = begin + silence, stamp + rng.choice([2500 + silence, -rng.integers(0, 5000)])
+        for topic, period in ((0, 7), (1, 10)):
+            times = np.arange(rng.integers(0, 300), 2500, period)
+            times = times[rng.random(len(times)) > 0.02]
+            delay = rng.integers(0, 400)  # ms
+            late = np.where(rng.random(len(times)) < 0.05, rng.integers(0, 100, len(times)), 0)
+            order = np.argsort(times + late, kind="stable")
+            stamps[topic].extend(stamp + times[order])
+            arrivals[topic].extend(np.sort(begin + times + late) + delay)
+        begin += 2500
+    return [np.array(each) * MS for each in stamps], [np.maximum.accumulate(each) for each in arrivals]
+
+
+@given(st.integers(0, 2**32))
+def test_pairs_of_a_recording_are_those_of_another_order_of_arrival(seed):
+    """Jumps included, whichever topic jumps first."""
+    rng = np.random.default_rng(seed)
+    (strain_ns, pose_ns), (strain_at, pose_at) = streams(rng)
+    x = rng.random((len(pose_ns), 1))
+    pairing, live = Pairing(AXES), []
+    for at in np.argsort(np.concatenate([strain_at, pose_at]), kind="stable"):
+        if at < len(strain_ns):
+            live += pairing.add_strain(int(strain_ns[at]), at)
+        else:
+            live += pairing.add_pose(int(pose_ns[at - len(strain_ns)]), x[at - len(strain_ns)])
+    live += pairing.finish()
+    order = np.searchsorted(strain_at + rng.integers(-200, 200), pose_at)
+    for strain_before in (order, None):
+        positions, found, sweep = pair_recorded(AXES, strain_ns, pose_ns, x, strain_before=strain_before)
+        kept = np.flatnonzero(sweep != LATE)
+        np.testing.assert_array_equal(found[kept], [pair.position is not None for pair in live])
+        np.testing.assert_array_equal([pair.measurement for pair in live], kept)
+        paired = [pair.position for pair in live if pair.position is not None]
+        np.testing.assert_array_equal(positions[found], np.reshape(paired, (-1, 1)))
+        assert sweep.max() == np.count_nonzero(np.diff(strain_ns) < -500 * MS)
+
+
+def test_a_topic_that_does_not_jump_is_taken_along():
+    """As when the clock of one of two computers is set right."""
+    pose_ns = np.arange(0, 10_000, 10) * MS
+    strain_ns = np.concatenate([np.arange(3_600_000, 3_605_000, 10), np.arange(5000, 9900, 10)]) * MS
+    poses, before = pose_ns[:, None] * 1e-12, np.arange(1000)
+    pairing, live = Pairing(AXES), []
+    for number, at in enumerate(pose_ns.tolist()):
+        live += pairing.add_pose(at, poses[number])
+        live += pairing.add_strain(int(strain_ns[number]), None) if number < len(strain_ns) else []
+    _, found, sweep = pair_recorded(AXES, strain_ns, pose_ns, poses, strain_before=before)
+    np.testing.assert_array_equal(found, [pair.position is not None for pair in live + pairing.finish()])
+    assert found[sweep == 1].mean() > 0.7
+    assert not found[sweep == 0].any()
