@@ -35,7 +35,7 @@ class Hand:
 
     def __init__(self) -> None:
         self._node = rclpy.create_node("hand")
-        self._node.create_subscription(Posterior, "filter/posterior", self._on_posterior, 1000)
+        self._node.create_subscription(Posterior, "tactile_filter/posterior", self._on_posterior, 1000)
         self._strains = self._node.create_publisher(StrainVectors, "strain", STRAIN)
         self._poses = self._node.create_publisher(PoseStamped, "palm_pose", 100)
         self._message = StrainVectors(phalanges=["index", "middle"])

@@ -26,7 +26,7 @@ def generate_launch_description():
             LifecycleNode(
                 package="tactile_localizer",
                 executable="filter_node",
-                name="filter",
+                name="tactile_filter",
                 namespace=LaunchConfiguration("namespace"),
                 parameters=[ParameterFile(LaunchConfiguration("params_file")), files],
                 remappings=[("palm_pose", LaunchConfiguration("pose_topic"))],

@@ -13,7 +13,9 @@ from launch_ros.actions import SetParameter
 
 from launch import LaunchDescription, actions
 
-WITHOUT = ".*/filter/(?!initial_pose).*|/diagnostics|/clock"
+WITHOUT = (
+    ".*/tactile_filter/(posterior|pose|converged|particles|markers|map|transition_event)|/diagnostics|/clock"
+)
 """Topics of the bag that would be published twice."""
 
 
@@ -24,7 +26,7 @@ def generate_launch_description():
     files = {"scan_file": LaunchConfiguration("scan_file")}
     # An active filter publishes every second. The event of its transition is not waited for: it is lost if
     # the filter is active before launch is discovered.
-    topic = [LaunchConfiguration("namespace"), "/filter/posterior"]
+    topic = [LaunchConfiguration("namespace"), "/tactile_filter/posterior"]
     echo = ["ros2", "topic", "echo", "--once", "--no-daemon", topic, "tactile_localizer/msg/Posterior"]
     # The player does not wait for subscribers; its default of 40 Hz is coarse for the clock of a filter.
     command = ["ros2", "bag", "play", bag, "--clock", "200", "--rate", rate, "--delay", "3"]

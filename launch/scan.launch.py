@@ -25,7 +25,7 @@ def generate_launch_description():
             LifecycleNode(
                 package="tactile_localizer",
                 executable="mapping_node",
-                name="mapping",
+                name="tactile_mapping",
                 namespace=LaunchConfiguration("namespace"),
                 parameters=[ParameterFile(LaunchConfiguration("params_file")), files],
                 remappings=[("palm_pose", LaunchConfiguration("pose_topic"))],

@@ -25,7 +25,7 @@ def generate_launch_description():
             LifecycleNode(
                 package="tactile_localizer",
                 executable=[sensor, "_node"],
-                name=sensor,
+                name=["tactile_", sensor],
                 namespace=LaunchConfiguration("namespace"),
                 parameters=[ParameterFile(LaunchConfiguration("params_file"))],
             ),

@@ -19,7 +19,10 @@ def generate_launch_description():
         name="lifecycle_manager_touch",
         parameters=[
             {
-                "node_names": ["driver", "filter"],  # in the order in which they are brought up
+                "node_names": [
+                    "tactile_driver",
+                    "tactile_filter",
+                ],  # in the order in which they are brought up
                 "autostart": True,
                 "bond_timeout": 0.0,  # the nodes offer no bond; launch sees a process that ends
             }

@@ -52,10 +52,10 @@ _RELIABLE = "qos_overrides./strain.{}.reliability"
 TOPICS: dict[str, Any] = {
     "/strain": StrainVectors,
     "/palm_pose": PoseStamped,
-    "/simulator/ground_truth": PoseStamped,
-    "/simulator/sweep_active": Bool,
-    "/mapping/status": ScanStatus,
-    "/filter/posterior": Posterior,
+    "/tactile_simulator/ground_truth": PoseStamped,
+    "/tactile_simulator/sweep_active": Bool,
+    "/tactile_mapping/status": ScanStatus,
+    "/tactile_filter/posterior": Posterior,
     "/diagnostics": DiagnosticArray,
 }
 """Message types of the recorded topics."""
@@ -100,7 +100,7 @@ class Operator:
         self._node.create_timer(_POLL_S, check)
         self._node.create_timer(_POLL_S, self._pace)
         self._speed, self._is_slow = speed, False
-        self._set_speed = self._node.create_client(SetParameters, "simulator/set_parameters")
+        self._set_speed = self._node.create_client(SetParameters, "tactile_simulator/set_parameters")
         self._late_s: dict[str, float] = {}
         self._sequence, self.lost = 0, 0
         silent = SubscriptionEventCallbacks(use_default_callbacks=False)
@@ -121,7 +121,7 @@ class Operator:
         message = self.newest[topic] = deserialize_message(raw, TOPICS[topic])
         if topic == "/diagnostics":
             self.newest |= {status.name: status for status in message.status}
-        if topic in ("/strain", "/palm_pose", "/mapping/status", "/filter/posterior"):
+        if topic in ("/strain", "/palm_pose", "/tactile_mapping/status", "/tactile_filter/posterior"):
             self._late_s[topic] = 1e-9 * (time.time_ns() - to_ns(message.header.stamp))
         if topic == "/strain":
             self.lost += max(message.sequence[0] - self._sequence - 1, 0) if self._sequence else 0
@@ -185,13 +185,13 @@ class Operator:
         Message
             The first of the topic after the sweep.
         """
-        self.call(Trigger, "simulator/prepare")
+        self.call(Trigger, "tactile_simulator/prepare")
         self.present(topic)
         self.call(kind, begin)
-        self.newest["/simulator/sweep_active"] = Bool(data=True)
-        self.call(Trigger, "simulator/sweep")
-        self.until(lambda: not self.newest["/simulator/sweep_active"].data, "the end of a sweep")
-        for recorded in ("/palm_pose", "/simulator/ground_truth"):
+        self.newest["/tactile_simulator/sweep_active"] = Bool(data=True)
+        self.call(Trigger, "tactile_simulator/sweep")
+        self.until(lambda: not self.newest["/tactile_simulator/sweep_active"].data, "the end of a sweep")
+        for recorded in ("/palm_pose", "/tactile_simulator/ground_truth"):
             self.present(recorded)
         return self.present(topic)
 
@@ -262,19 +262,21 @@ def record_session(
         received = {_RELIABLE.format("subscription"): "reliable", "queue_depth": _DEPTH, "scan_file": scan}
         nodes.start("mapping", {**received, "scene_file": resource_path(f"config/scenes/{feature}.yaml")})
         operator.until(lambda: operator.newest["/strain"].strain, "strain")
-        operator.until(lambda: int(operator.values("mapping: scan")["poses"]), "poses in the mapping")
+        operator.until(lambda: int(operator.values("tactile_mapping: scan")["poses"]), "poses in the mapping")
         say(f"scanning: {SCAN_SWEEPS} sweeps, two along each line")
         for _ in range(SCAN_SWEEPS):
-            operator.sweep("/mapping/status", Trigger, "mapping/start_sweep")
-            operator.call(Trigger, "mapping/end_sweep")
+            operator.sweep("/tactile_mapping/status", Trigger, "tactile_mapping/start_sweep")
+            operator.call(Trigger, "tactile_mapping/end_sweep")
         say("loading the scan")
         nodes.start("filter", received)
-        operator.present("/filter/posterior")
-        operator.call(SetParameters, "simulator/set_parameters", _request(mode="localize"))
+        operator.present("/tactile_filter/posterior")
+        operator.call(SetParameters, "tactile_simulator/set_parameters", _request(mode="localize"))
         for number in range(1, sweeps + 1):
-            posterior = operator.sweep("/filter/posterior", Empty, "filter/reinitialize_global_localization")
+            posterior = operator.sweep(
+                "/tactile_filter/posterior", Empty, "tactile_filter/reinitialize_global_localization"
+            )
             say(f"sweep {number:2}: {posterior.reason}")
-        drops = (int(operator.values(f"driver: {name}")["drops"]) for name in ("index", "middle"))
+        drops = (int(operator.values(f"tactile_driver: {name}")["drops"]) for name in ("index", "middle"))
         return sum(drops) + operator.lost
 
 

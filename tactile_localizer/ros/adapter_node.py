@@ -42,7 +42,7 @@ class AdapterNode(ManagedNode):
     """Subscribes to sensor messages and publishes their values on ``strain``."""
 
     def __init__(self) -> None:
-        super().__init__("adapter", PARAMETERS)
+        super().__init__("tactile_adapter", PARAMETERS)
         self._sequence = 0
 
     def configure(self) -> None:

@@ -40,7 +40,7 @@ class DriverNode(ManagedNode):
     """Reads load cells on a CAN bus and publishes their strain."""
 
     def __init__(self) -> None:
-        super().__init__("driver", PARAMETERS)
+        super().__init__("tactile_driver", PARAMETERS)
         self._driver: LoadCellDriver  # set while the node is configured
         self._declare_messages()
 

@@ -74,7 +74,7 @@ class FilterNode(ManagedNode):
     """Passes messages to an :class:`OnlineLocalizer` and publishes its estimates."""
 
     def __init__(self) -> None:
-        super().__init__("filter", PARAMETERS)
+        super().__init__("tactile_filter", PARAMETERS)
         self._activations = 0
         self._is_loading = False
         self.create_service(

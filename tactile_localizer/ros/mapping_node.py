@@ -39,7 +39,7 @@ class MappingNode(ManagedNode):
     """Pairs ``strain`` with ``palm_pose`` by stamps and records the pairs of each sweep."""
 
     def __init__(self) -> None:
-        super().__init__("mapping", PARAMETERS)
+        super().__init__("tactile_mapping", PARAMETERS)
 
     def configure(self) -> None:
         """Open the scan and create the publishers."""

@@ -83,7 +83,7 @@ class SimulatorNode(ManagedNode):
     """Runs a :class:`~tactile_localizer.sim.rig.Rig` in a thread that paces and publishes its readings."""
 
     def __init__(self) -> None:
-        super().__init__("simulator", PARAMETERS)
+        super().__init__("tactile_simulator", PARAMETERS)
         self._stop = threading.Event()
         self._lock = threading.Lock()
 

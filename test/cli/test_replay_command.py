@@ -64,7 +64,7 @@ def write_bag_of(path: Path, rows: np.ndarray, origin: float = 0.0) -> None:
         values = np.array([row[name] for name in names])
         happened.append(("strain", now, strain(now, ("index", "middle"), strain=values)))
         happened.append(("palm_pose", now, pose(now, x=row["x"] + origin)))
-        happened.append(("simulator/ground_truth", now, pose(now, x=row["x"])))
+        happened.append(("tactile_simulator/ground_truth", now, pose(now, x=row["x"])))
     write_bag(path, happened)
 
 

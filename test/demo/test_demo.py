@@ -61,7 +61,7 @@ def test_a_recording_that_is_late_slows_the_hand_down_and_keeps_the_times_of_sen
         recorded_ns.append(stamp_ns)
 
     with own_domain(), contextlib.closing(Operator(record, lambda: None, speed=10.0)) as operator:
-        hand = rclpy.create_node("simulator")
+        hand = rclpy.create_node("tactile_simulator")
         hand.declare_parameter("speed", 10.0)
         strain = hand.create_publisher(StrainVectors, "strain", 10_000)
 
@@ -106,10 +106,16 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     logs = {log.stem: log.read_text() for log in (folder / "log").glob("*.log")}
     assert logs.keys() == {"simulator", "driver", "mapping", "filter"}
     assert not any("Traceback" in text for text in logs.values())
-    wanted = {"/filter/posterior": Wanted("tactile_localizer/msg/Posterior", lambda m, _: m.covariance_trace)}
+    wanted = {
+        "/tactile_filter/posterior": Wanted(
+            "tactile_localizer/msg/Posterior", lambda m, _: m.covariance_trace
+        )
+    }
     bag = read_messages(folder / "bag", wanted)
-    assert {"/strain", "/palm_pose", "/simulator/ground_truth", "/mapping/status"} <= set(bag.topics)
-    assert max(bag.by_topic["/filter/posterior"]) > 1e-4, "initially uniform"
+    assert {"/strain", "/palm_pose", "/tactile_simulator/ground_truth", "/tactile_mapping/status"} <= set(
+        bag.topics
+    )
+    assert max(bag.by_topic["/tactile_filter/posterior"]) > 1e-4, "initially uniform"
 
 
 def test_an_output_that_cannot_be_replaced_is_refused(tmp_path, capsys):

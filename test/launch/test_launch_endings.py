@@ -80,7 +80,7 @@ def test_a_missing_scan_is_named(
 def test_arguments_override_the_parameter_file(launch: Launch, place: Place) -> None:
     file = place.folder / "mine.yaml"
     file.write_text(
-        "/**/filter:\n  ros__parameters: {scan_file: other, publish_tf: true, reference_frame: ''}\n"
+        "/**/tactile_filter:\n  ros__parameters: {scan_file: other, publish_tf: true, reference_frame: ''}\n"
     )
     launched = launch("localize", params_file=file, scan_file=place.scan_file)
     launched.wait()
@@ -125,7 +125,7 @@ def test_ctrl_c_during_the_imports_is_no_crash(launch: Launch, place: Place, mod
 
 def test_ctrl_c_ends_running_nodes_cleanly(launch: Launch, place: Place) -> None:
     file = place.folder / "hand.yaml"
-    file.write_text(f"/**/driver:\n  ros__parameters: {dict(place.buses[0])}\n")
+    file.write_text(f"/**/tactile_driver:\n  ros__parameters: {dict(place.buses[0])}\n")
     launched = launch("bringup", scan_file=place.scan_file, params_file=file)
     launched.wait_for_line("pairs of")
     wait_until(lambda: "CAN bus: open" in launched.output, "the driver")

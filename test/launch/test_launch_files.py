@@ -57,7 +57,9 @@ def test_what_an_integrator_sets_is_used(two_hands: Any, probe: Probe) -> None:
 
     def values(hand: str) -> list[Any]:
         request = GetParameters.Request(names=names)
-        simulated, timeout, depth = probe.call(GetParameters, f"{hand}/filter/get_parameters", request).values
+        simulated, timeout, depth = probe.call(
+            GetParameters, f"{hand}/tactile_filter/get_parameters", request
+        ).values
         return [simulated.bool_value, timeout.double_value, depth.integer_value]
 
     assert values("left") == [True, 2.0, 1000]

@@ -22,7 +22,7 @@ def test_two_arrays_of_taxels_become_two_phalanges(node_process, probe):
     strain = probe.listen(StrainVectors, "strain", STRAIN)
     node_process("adapter_node", {"adapter_file": EXAMPLE / "array_adapter.yaml"})
     index, thumb = (probe.publisher(Float32MultiArray, f"{name}_taxels") for name in ("index", "thumb"))
-    probe.known_to("adapter")
+    probe.known_to("tactile_adapter")
 
     def answer(data):
         """The strain vector of an array that differs from the others in its first taxel."""

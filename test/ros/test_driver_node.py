@@ -98,7 +98,7 @@ class Hand:
 
     def status(self, name: str) -> tuple[bytes, str, dict[str, str]]:
         """Level, message and values of the newest status of the bus or a phalanx."""
-        return status_of(self.reports, f"driver: {name}")
+        return status_of(self.reports, f"tactile_driver: {name}")
 
     def until_counted(self, **values: object) -> None:
         """Wait for diagnostics with these values, and until the driver has counted every frame sent."""
@@ -152,9 +152,9 @@ def test_a_closed_bus_and_bus_off_are_survived(
     hand.start()
     sent = list(hand.send_cycles(10))
     hand.until_counted()
-    assert probe.change("driver", "deactivate")
+    assert probe.change("tactile_driver", "deactivate")
     hand.number += 5  # as while the bus is closed
-    assert probe.change("driver", "activate")
+    assert probe.change("tactile_driver", "activate")
     sent += hand.send_cycles(15)
     hand.bus.send(can.Message(arbitration_id=0x40, is_error_frame=True, data=bytes(8)))
     hand.until_counted(controller="bus off")
@@ -260,7 +260,7 @@ class Tares:
     def __init__(self, probe: Any, hand: Hand) -> None:
         from tactile_localizer.msg import StrainVectors
 
-        self.offsets = probe.listen(StrainVectors, "driver/tare_offset", probe.latched)
+        self.offsets = probe.listen(StrainVectors, "tactile_driver/tare_offset", probe.latched)
         self._probe, self._hand = probe, hand
 
     def wait_for_strain(self, expected: list[float], what: str) -> None:
@@ -279,9 +279,9 @@ class Tares:
         """The response of a service while the hand sends."""
         from std_srvs.srv import Trigger
 
-        client = self._probe.node.create_client(Trigger, f"driver/{service}")
+        client = self._probe.node.create_client(Trigger, f"tactile_driver/{service}")
         self._probe.until(client.service_is_ready, service)
-        self._probe.known_to("driver")
+        self._probe.known_to("tactile_driver")
         future = client.call_async(Trigger.Request())
         self._hand.sending(future.done, f"an answer of {service}")
         return future.result()
@@ -336,8 +336,8 @@ def test_two_hands_have_separate_diagnostics_and_tares(
     for hand in ("left", "right"):
         process(node_command("driver_node", parameters, namespace=f"/{hand}"), {"ROS_HOME": str(tmp_path)})
     reports = probe.diagnostics()
-    wanted = {"left/driver: CAN bus", "right/driver: CAN bus"}
+    wanted = {"left/tactile_driver: CAN bus", "right/tactile_driver: CAN bus"}
     probe.until(lambda: wanted <= {status.name for array in reports for status in array.status}, "both")
     for hand in ("left", "right"):
-        answer = probe.trigger(f"{hand}/driver/clear_tare")
+        answer = probe.trigger(f"{hand}/tactile_driver/clear_tare")
         assert answer.message.endswith(f"stored in {tmp_path}/tactile_localizer/{hand}/tare.yaml")

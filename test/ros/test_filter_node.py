@@ -52,24 +52,26 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     (directory / "folder_scan").mkdir()
     os.mkfifo(directory / "fifo_scan")
     node = start(scan_directory=directory)
-    maps = probe.listen(PointCloud2, "filter/map", probe.latched)
+    maps = probe.listen(PointCloud2, "tactile_filter/map", probe.latched)
     node.slide(50)
     probe.until(lambda: maps, "the map to display")
     for path, reason, result in (
         ("link_scan", "expected a path in", LoadScan.Response.NOT_ALLOWED),
         ("none_scan", "expected a scan folder, found none", LoadScan.Response.NOT_USABLE),
     ):
-        answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=path))
+        answer = probe.call(LoadScan, "tactile_filter/load_scan", LoadScan.Request(path=path))
         assert (answer.success, answer.result) == (False, result)
         assert reason in answer.message
     for path in HOSTILE_PATHS:
-        answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path=path))
+        answer = probe.call(LoadScan, "tactile_filter/load_scan", LoadScan.Request(path=path))
         assert (answer.success, bool(answer.message), "\n" in answer.message) == (False, True, False), path
         assert "unexpected" not in answer.message, f"{path}: {answer.message}"
     node.slide(5)
     assert node.fresh()[-1].travel > 0.01, "the belief is kept"
     assert len(maps) == 1
-    answer = probe.call(LoadScan, "filter/load_scan", LoadScan.Request(path="snap_scan"), timeout_s=60.0)
+    answer = probe.call(
+        LoadScan, "tactile_filter/load_scan", LoadScan.Request(path="snap_scan"), timeout_s=60.0
+    )
     assert (answer.success, answer.message.split(": ")[0]) == (True, str(directory / "snap_scan"))
     probe.until(lambda: len(maps) == 2, "the new map to display")
     node.slide(5)
@@ -114,9 +116,9 @@ def test_live_parameters_keep_the_belief(start, probe):
         ("particles_rate_hz", 1.0),
         ("shown_particles", 10),
     ):
-        answer = probe.set_parameter("filter", name, value)
+        answer = probe.set_parameter("tactile_filter", name, value)
         assert answer.successful, answer.reason
-    assert "out of range" in probe.set_parameter("filter", "update_distance", np.nan).reason
+    assert "out of range" in probe.set_parameter("tactile_filter", "update_distance", np.nan).reason
     node.slide(1)
     after = node.fresh()[-1]
     np.testing.assert_allclose(after.mean, before.mean, atol=5e-3)
@@ -124,7 +126,7 @@ def test_live_parameters_keep_the_belief(start, probe):
     node.slide(80)
     after = node.fresh()[-1]
     assert "of 1000.0 mm" in after.reason
-    assert probe.set_parameter("filter", "convergence_travel", 0.0).successful
+    assert probe.set_parameter("tactile_filter", "convergence_travel", 0.0).successful
     node.slide(3)
     assert node.fresh()[-1].converged
 

@@ -73,11 +73,11 @@ def test_pose_flag_and_particles_agree_with_the_posterior(node, probe):
     from std_msgs.msg import Bool
     from visualization_msgs.msg import MarkerArray
 
-    poses = probe.listen(PoseWithCovarianceStamped, "filter/pose", 1000)
-    flags = probe.listen(Bool, "filter/converged", 1000)
-    clouds = probe.listen(PointCloud2, "filter/particles", 100)
-    markers = probe.listen(MarkerArray, "filter/markers", 100)
-    probe.known_to("filter")
+    poses = probe.listen(PoseWithCovarianceStamped, "tactile_filter/pose", 1000)
+    flags = probe.listen(Bool, "tactile_filter/converged", 1000)
+    clouds = probe.listen(PointCloud2, "tactile_filter/particles", 100)
+    markers = probe.listen(MarkerArray, "tactile_filter/markers", 100)
+    probe.known_to("tactile_filter")
     node.slide(100)
     posterior = node.fresh()[-1]
     probe.until(lambda: poses and stamp_of(poses[-1]) == stamp_of(posterior), "its pose")
@@ -110,15 +110,17 @@ def test_lost_strain_vectors_are_counted(node, probe):
     node.hand.next += 1
     node.slide(5, sequence=[14, 14])
     node.wait_for_count("strain_vectors_lost_in_transport", lost + 3)
-    reports = [s.message for array in node.diagnostics for s in array.status if s.name == "filter: inputs"]
+    reports = [
+        s.message for array in node.diagnostics for s in array.status if s.name == "tactile_filter: inputs"
+    ]
     assert any("3 strain vectors lost" in message for message in reports)
 
 
 def test_without_poses_the_estimate_is_stale(node, probe):
     from std_msgs.msg import Bool
 
-    flags = probe.listen(Bool, "filter/converged", 1000)
-    probe.known_to("filter")
+    flags = probe.listen(Bool, "tactile_filter/converged", 1000)
+    probe.known_to("tactile_filter")
     node.slide(100)
     last = node.fresh()[-1]
     stale = slide_until(node, "stale: no palm_pose, no estimate", poses=False)
@@ -150,7 +152,7 @@ def test_poses_with_the_stamps_of_another_clock_are_reported(node, probe, monkey
 
     monkeypatch.setattr(node.hand, "pose_ns", node.hand.pose_ns + ahead_s * 1_000_000_000)
     node.hand.slide(10)
-    probe.call(Empty, "filter/reinitialize_global_localization")
+    probe.call(Empty, "tactile_filter/reinitialize_global_localization")
     probe.until(
         lambda: node.hand.slide(1) or "palm_pose: stamps are 3" in node.status("inputs")[1], "the report"
     )
@@ -183,7 +185,7 @@ def test_the_belief_can_be_reset(node, probe):
 
     node.slide(180)
     assert node.fresh()[-1].travel > 0.03
-    probe.call(Empty, "filter/reinitialize_global_localization")
+    probe.call(Empty, "tactile_filter/reinitialize_global_localization")
     node.slide(4)
     again = node.fresh()[-1]
     assert again.travel < 0.005
@@ -194,7 +196,7 @@ def test_an_initial_pose_seeds_the_belief(node, probe):
     from geometry_msgs.msg import PoseWithCovarianceStamped
 
     node.slide(20)
-    publisher = probe.publisher(PoseWithCovarianceStamped, "filter/initial_pose")
+    publisher = probe.publisher(PoseWithCovarianceStamped, "tactile_filter/initial_pose")
     printed = len(node.process.lines)
     publisher.publish(initial_pose(0.01, 0.04, 1e-6))
     node.process.wait_for_line("belief seeded", after=printed)
@@ -208,7 +210,7 @@ def test_invalid_seeds_keep_the_belief(node, probe):
 
     invalid = node.count("invalid_messages_on_initial_pose")
     node.slide(50)
-    publisher = probe.publisher(PoseWithCovarianceStamped, "filter/initial_pose", 10)
+    publisher = probe.publisher(PoseWithCovarianceStamped, "tactile_filter/initial_pose", 10)
     printed = len(node.process.lines)
     publisher.publish(initial_pose(0.01, 0.04, 1e-6, "map"))
     node.process.wait_for_line("initial_pose: .*frame 'map'", after=printed)

@@ -14,7 +14,7 @@ class Clock:
 
         self._message, self._probe = Clock, probe
         self._publisher = probe.publisher(Clock, "/clock")
-        probe.known_to("filter")
+        probe.known_to("tactile_filter")
         self.now_ns = START_NS
 
     def show(self):
@@ -41,7 +41,7 @@ def filter_in_simulated_time(node_process, probe, scan_file):
     from tactile_localizer.msg import Posterior
 
     process = node_process("filter_node", {"scan_file": scan_file, "cell": 1.0, "use_sim_time": True})
-    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
+    posteriors = probe.listen(Posterior, "tactile_filter/posterior", 1000)
     hand = SlidingHand(probe, unseen_sweep())
     diagnostics = probe.diagnostics()
     probe.until(lambda: diagnostics, "diagnostics: all are matched by now")

@@ -20,7 +20,7 @@ RVIZ_KINDS = {
     "rviz_default_plugins/PoseWithCovariance": "geometry_msgs/msg/PoseWithCovarianceStamped",
     "rviz_default_plugins/SetInitialPose": "geometry_msgs/msg/PoseWithCovarianceStamped",
 }
-SIMULATED = {"/simulator/ground_truth": "geometry_msgs/msg/PoseStamped"}
+SIMULATED = {"/tactile_simulator/ground_truth": "geometry_msgs/msg/PoseStamped"}
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,9 @@ def topics(probe):
         return {name: kinds[0] for name, kinds in probe.node.get_topic_names_and_types()}
 
     probe.until(
-        lambda: "/filter/posterior" in known() and "/filter/initial_pose" in known(), "the filter", 60.0
+        lambda: "/tactile_filter/posterior" in known() and "/tactile_filter/initial_pose" in known(),
+        "the filter",
+        60.0,
     )
     return known()
 
@@ -61,7 +63,12 @@ def test_rviz_topics_exist_with_their_types(topics, rviz):
         if "Topic" in display
     }
     assert shown == {topic: topics[topic] for topic in shown}
-    assert {"/filter/map", "/filter/particles", "/filter/pose", "/filter/markers"} <= set(shown)
+    assert {
+        "/tactile_filter/map",
+        "/tactile_filter/particles",
+        "/tactile_filter/pose",
+        "/tactile_filter/markers",
+    } <= set(shown)
     assert rviz["Global Options"]["Fixed Frame"] == "material"
 
 

@@ -105,7 +105,7 @@ def test_the_map_is_latched_after_a_sweep(node_process, probe, files):
     hand.slide(300)
     hand.wait_for_stamp(300)
     hand.service("end_sweep")
-    clouds = probe.listen(PointCloud2, "mapping/map", probe.latched)
+    clouds = probe.listen(PointCloud2, "tactile_mapping/map", probe.latched)
     probe.until(lambda: clouds, "the map")
     assert clouds[-1].header.frame_id == "material"
     assert clouds[-1].width > 0
@@ -126,7 +126,7 @@ def test_diagnostics_describe_recording_and_losses(node_process, probe, files):
 
     probe.until(latest, "diagnostics")
     assert poses() == 0
-    assert (latest().name, latest().level) == ("mapping: scan", DiagnosticStatus.OK)
+    assert (latest().name, latest().level) == ("tactile_mapping: scan", DiagnosticStatus.OK)
     hand.service("start_sweep")
     probe.until(lambda: "no samples received" in latest().message, "a warning of silence")
     assert latest().level == DiagnosticStatus.WARN

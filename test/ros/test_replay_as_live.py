@@ -52,13 +52,13 @@ def play(bag: Path, probe: Any) -> list[Any]:
 
     from tactile_localizer.msg import Posterior, StrainVectors
 
-    received = probe.listen(Posterior, "filter/posterior", 1000)
+    received = probe.listen(Posterior, "tactile_filter/posterior", 1000)
     kinds = {"/strain": StrainVectors, "/palm_pose": PoseStamped}
     publishers = {
         "/strain": probe.publisher(StrainVectors, "strain", probe.best_effort, timeout_s=60.0),
         "/palm_pose": probe.publisher(PoseStamped, "palm_pose", 100),
     }
-    probe.known_to("/filter")
+    probe.known_to("/tactile_filter")
 
     def fresh() -> list[Any]:
         return [message for message in received if not message.stale]

@@ -42,7 +42,8 @@ def full_name(name, node):
 @pytest.mark.parametrize("node", NODES)
 def test_the_policy_matches_the_running_node(node_process, probe, valid, node):
     node_process(f"{node}_node", {"use_sim_time": True, **valid[node]}, namespace=NAMESPACE)
-    expected = allowed(node)
+    name = f"tactile_{node}"
+    expected = allowed(name)
     missing = dict(expected)
 
     def complete():
@@ -50,8 +51,8 @@ def test_the_policy_matches_the_running_node(node_process, probe, valid, node):
         try:
             found = {
                 kind: {
-                    name
-                    for name, _ in getattr(probe.node, f"get_{kind}_names_and_types_by_node")(node, NAMESPACE)
+                    one
+                    for one, _ in getattr(probe.node, f"get_{kind}_names_and_types_by_node")(name, NAMESPACE)
                 }
                 for kind in expected
             }

@@ -55,11 +55,11 @@ class Hand:
 
         self._probe = probe
         self.poses = probe.listen(PoseStamped, "palm_pose", 1000)
-        self.truth = probe.listen(PoseStamped, "simulator/ground_truth", 1000)
-        self.active = probe.listen(Bool, "simulator/sweep_active", probe.latched)
+        self.truth = probe.listen(PoseStamped, "tactile_simulator/ground_truth", 1000)
+        self.active = probe.listen(Bool, "tactile_simulator/sweep_active", probe.latched)
 
     def call(self, service):
-        return self._probe.trigger(f"simulator/{service}")
+        return self._probe.trigger(f"tactile_simulator/{service}")
 
     def do_sweep(self):
         """Message of the service, and poses and ground truth of the sweep, (n, 2) each."""
@@ -129,7 +129,7 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
     arrays = probe.diagnostics()
 
     def counted(name):
-        return status_of(arrays, f"driver: {name}")[2]
+        return status_of(arrays, f"tactile_driver: {name}")[2]
 
     def received(more):
         arrays.clear()
@@ -168,7 +168,7 @@ def test_a_sweep_is_prepared_excludes_another_and_can_be_made_faster(start, hand
         answer = hand.call(service)
         assert not answer.success
         assert "sweeping" in answer.message
-    assert probe.set_parameter("simulator", "speed", 20.0).successful
+    assert probe.set_parameter("tactile_simulator", "speed", 20.0).successful
     probe.until(lambda: not hand.active[-1].data, "the sweep's end")
 
 

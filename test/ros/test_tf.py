@@ -172,7 +172,7 @@ def test_a_filter_on_tf_publishes_the_material(node_process: Any, probe: Any, sc
         transforms.extend(one for one in message.transforms if one.child_frame_id == "left_material")
 
     probe.node.create_subscription(TFMessage, "/tf", keep, 1000)
-    probe.known_to("filter")
+    probe.known_to("tactile_filter")
     node.slide(180)
     converged = {stamp_of(posterior): posterior for posterior in node.fresh() if posterior.converged}
     assert transforms

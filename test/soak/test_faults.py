@@ -47,8 +47,8 @@ class System:
             for name, own in parameters.items()
         }
         self.reports = probe.diagnostics()
-        self.posteriors: list[Any] = probe.listen(Posterior, "filter/posterior", 1000)
-        self.sweeping: list[Any] = probe.listen(Bool, "simulator/sweep_active")
+        self.posteriors: list[Any] = probe.listen(Posterior, "tactile_filter/posterior", 1000)
+        self.sweeping: list[Any] = probe.listen(Bool, "tactile_simulator/sweep_active")
 
     def until_reported(self, name: str, text: str) -> None:
         """Wait for a status whose message contains ``text`` in diagnostics that arrive from now on."""
@@ -62,15 +62,15 @@ class System:
 
     def until_recovered(self) -> None:
         """Wait until the inputs are OK and new estimates arrive."""
-        self.until_reported("filter: inputs", "OK")
+        self.until_reported("tactile_filter: inputs", "OK")
         self.posteriors.clear()
         self.probe.until(lambda: any(not one.stale for one in self.posteriors), "new estimates")
 
     def set_fault(self, name: str, value: Any) -> None:
-        assert self.probe.set_parameter("simulator", f"fault.{name}", value).successful
+        assert self.probe.set_parameter("tactile_simulator", f"fault.{name}", value).successful
 
     def change(self, node: str, transition: str) -> None:
-        assert self.probe.change(node, transition)
+        assert self.probe.change(f"tactile_{node}", transition)
 
     def send(self, node: str, number: signal.Signals) -> None:
         os.kill(self.nodes[node].pid, number)
@@ -79,11 +79,11 @@ class System:
         """Localize a sweep from a uniform belief; returns whether it converged, which it must not at once."""
         from std_srvs.srv import Empty
 
-        self.probe.trigger("simulator/prepare")
-        self.probe.call(Empty, "filter/reinitialize_global_localization")
+        self.probe.trigger("tactile_simulator/prepare")
+        self.probe.call(Empty, "tactile_filter/reinitialize_global_localization")
         self.sweeping.clear()
         self.posteriors.clear()
-        assert self.probe.trigger("simulator/sweep").success
+        assert self.probe.trigger("tactile_simulator/sweep").success
         self.probe.until(lambda: any(m.data for m in self.sweeping) and not self.sweeping[-1].data, "the end")
         assert not any(one.converged and one.travel < 0.005 for one in self.posteriors)
         return any(one.converged for one in self.posteriors)
@@ -123,12 +123,14 @@ def deactivated(node: str) -> tuple[Callable[[System], None], ...]:
 
 
 FAULTS = {
-    "load cell silent": Fault(*injected("silent", ["middle"], [""]), "driver: middle", "stale: no frames"),
-    "frames lost": Fault(*injected("drop", 0.1, 0.0), "driver: middle", "lost"),
-    "garbage frames": Fault(*injected("garbage", 0.3, 0.0), "driver: CAN bus", "discarded frames"),
-    "driver frozen": Fault(*frozen("driver"), "filter: inputs", "no strain"),
-    "simulator frozen": Fault(*frozen("simulator"), "filter: inputs", "no strain and no palm_pose"),
-    "driver down": Fault(*deactivated("driver"), "filter: inputs", "no strain"),
+    "load cell silent": Fault(
+        *injected("silent", ["middle"], [""]), "tactile_driver: middle", "stale: no frames"
+    ),
+    "frames lost": Fault(*injected("drop", 0.1, 0.0), "tactile_driver: middle", "lost"),
+    "garbage frames": Fault(*injected("garbage", 0.3, 0.0), "tactile_driver: CAN bus", "discarded frames"),
+    "driver frozen": Fault(*frozen("driver"), "tactile_filter: inputs", "no strain"),
+    "simulator frozen": Fault(*frozen("simulator"), "tactile_filter: inputs", "no strain and no palm_pose"),
+    "driver down": Fault(*deactivated("driver"), "tactile_filter: inputs", "no strain"),
 }
 
 

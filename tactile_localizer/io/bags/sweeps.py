@@ -13,10 +13,10 @@ from tactile_localizer.core.scan.sweep_detector import SweepDetector
 TOPICS = {
     "strain": ("/strain", "strain vectors"),
     "pose": ("/palm_pose", "measured palm poses"),
-    "truth": ("/simulator/ground_truth", "true palm poses"),
-    "status": ("/mapping/status", "status of the mapping node, for its sweeps"),
-    "posterior": ("/filter/posterior", "posterior of the filter node, for global localizations"),
-    "active": ("/simulator/sweep_active", "whether a sweep is in progress, for the localized sweeps"),
+    "truth": ("/tactile_simulator/ground_truth", "true palm poses"),
+    "status": ("/tactile_mapping/status", "status of the mapping node, for its sweeps"),
+    "posterior": ("/tactile_filter/posterior", "posterior of the filter node, for global localizations"),
+    "active": ("/tactile_simulator/sweep_active", "whether a sweep is in progress, for the localized sweeps"),
 }
 """Default topics and their content by name; a bag must have the first two."""
 

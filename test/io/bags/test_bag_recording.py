@@ -101,7 +101,9 @@ def test_noise_in_the_middle_of_a_bag_is_refused(tmp_path, place):
 
 
 def test_truth_is_interpolated(tmp_path):
-    truths = [("simulator/ground_truth", ms, pose(ms, x=0.02 + ms * 1e-6)) for ms in range(1000, 1501, 10)]
+    truths = [
+        ("tactile_simulator/ground_truth", ms, pose(ms, x=0.02 + ms * 1e-6)) for ms in range(1000, 1501, 10)
+    ]
     sweep = read_bag(write_bag(tmp_path / "bag", slide(0, 2000) + truths), SCENE).sweeps[0]
     known = (STRAIN_MS >= 1000) & (STRAIN_MS <= 1500)
     np.testing.assert_array_equal(np.isfinite(sweep.truth[:, 0]), known)
@@ -119,7 +121,7 @@ def test_sweeps_follow_the_mapping_status(tmp_path):
         status(900, True, 3),
     ]
     received = [90, 110, 310, 520, 700, 810, 905]
-    happened = [("mapping/status", ms, m) for ms, m in zip(received, statuses, strict=True)]
+    happened = [("tactile_mapping/status", ms, m) for ms, m in zip(received, statuses, strict=True)]
     bag = write_bag(tmp_path / "bag", slide(0, 2000) + happened)
     sweeps = read_bag(bag, SCENE).sweeps
     assert [sweep.number for sweep in sweeps] == [1, 2, 3]
@@ -129,7 +131,9 @@ def test_sweeps_follow_the_mapping_status(tmp_path):
 
 def test_sweeps_follow_global_localizations(tmp_path):
     travels = {100: 0.0, 200: 0.0, 300: 0.001, 400: 0.0009, 1000: 0.0, 1200: 0.004, 1600: 0.0, 1800: 0.0}
-    posteriors = [("filter/posterior", ms + 3, posterior(ms, travel)) for ms, travel in travels.items()]
+    posteriors = [
+        ("tactile_filter/posterior", ms + 3, posterior(ms, travel)) for ms, travel in travels.items()
+    ]
     bag = write_bag(tmp_path / "bag", slide(0, 2000) + posteriors)
     assert ranges_ms(read_bag(bag, SCENE, by_status=False).sweeps) == [(100, 995), (1000, 1595), (1600, 2000)]
     assert len(read_bag(bag, SCENE).sweeps) == 1
@@ -159,10 +163,10 @@ def test_a_hand_that_rests_or_is_not_seen_makes_no_sweep(tmp_path):
 def test_sweeps_follow_an_activity_topic_after_the_filter_has_started(tmp_path):
     actives = {300: True, 500: False, 1000: True, 1400: False, 1500: True, 1800: False}
     happened = [
-        ("simulator/sweep_active", ms, STORE.types[TYPES["simulator/sweep_active"]](data=on))
+        ("tactile_simulator/sweep_active", ms, STORE.types[TYPES["tactile_simulator/sweep_active"]](data=on))
         for ms, on in actives.items()
     ]
-    happened += [("filter/posterior", ms, posterior(ms, 0.0)) for ms in (800, 900, 1200, 1600)]
+    happened += [("tactile_filter/posterior", ms, posterior(ms, 0.0)) for ms in (800, 900, 1200, 1600)]
     bag = write_bag(tmp_path / "bag", slide(0, 2000) + happened)
     assert ranges_ms(read_bag(bag, SCENE, by_status=False).sweeps) == [(1005, 1400), (1505, 1800)]
 

@@ -22,10 +22,10 @@ START = 1_700_000_000_000 * MS
 TYPES = {
     "strain": "tactile_localizer/msg/StrainVectors",
     "palm_pose": "geometry_msgs/msg/PoseStamped",
-    "simulator/ground_truth": "geometry_msgs/msg/PoseStamped",
-    "mapping/status": "tactile_localizer/msg/ScanStatus",
-    "filter/posterior": "tactile_localizer/msg/Posterior",
-    "simulator/sweep_active": "std_msgs/msg/Bool",
+    "tactile_simulator/ground_truth": "geometry_msgs/msg/PoseStamped",
+    "tactile_mapping/status": "tactile_localizer/msg/ScanStatus",
+    "tactile_filter/posterior": "tactile_localizer/msg/Posterior",
+    "tactile_simulator/sweep_active": "std_msgs/msg/Bool",
 }
 STORE = typestore()
 _T = STORE.types
@@ -66,14 +66,14 @@ def status(stamp_ms: int, active: bool, number: int) -> Any:
     zero: dict[str, Any] = dict.fromkeys(("sweeps", "samples", "gaps", "skipped"), 0)
     zero |= {"scan_file": "", "scene": "sheet", "coverage": 0.0, "rate": 0.0}
     header = _header(stamp_ms, "material")
-    return _T[TYPES["mapping/status"]](header=header, sweep_active=active, sweep=number, **zero)
+    return _T[TYPES["tactile_mapping/status"]](header=header, sweep_active=active, sweep=number, **zero)
 
 
 def posterior(stamp_ms: int, travel: float) -> Any:
     numbers = dict.fromkeys(
         ("covariance_trace", "probability", "on_map", "log_marginal", "effective_sample_size"), 0.0
     )
-    return _T[TYPES["filter/posterior"]](
+    return _T[TYPES["tactile_filter/posterior"]](
         header=_header(stamp_ms, "material"),
         state=1,
         axes=["x", "y"],

@@ -27,10 +27,12 @@ class Filter:
         self.posteriors = []
         self.diagnostics = []
         self._restarted_ns = 0
-        probe.node.create_subscription(Posterior, "filter/posterior", self._on_posterior, 1000)
+        probe.node.create_subscription(Posterior, "tactile_filter/posterior", self._on_posterior, 1000)
         probe.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
-        probe.until(lambda: probe.node.count_publishers("filter/posterior"), "the publisher of the filter")
-        probe.known_to("filter")
+        probe.until(
+            lambda: probe.node.count_publishers("tactile_filter/posterior"), "the publisher of the filter"
+        )
+        probe.known_to("tactile_filter")
 
     def _on_posterior(self, message):
         if stamp_of(message) >= self.hand.offset_ns:  # otherwise published before the restart
@@ -46,7 +48,7 @@ class Filter:
 
         self.hand.next = 0
         self.hand.offset_ns += _PAUSE_NS
-        self.probe.call(Empty, "filter/reinitialize_global_localization")
+        self.probe.call(Empty, "tactile_filter/reinitialize_global_localization")
         self._restarted_ns = time.time_ns()
         self.posteriors.clear()
         self.diagnostics.clear()
@@ -76,7 +78,7 @@ class Filter:
 
     def status(self, name):
         """Level, message and values of the newest diagnostic status ``name``."""
-        return status_of(self.diagnostics, f"filter: {name}")
+        return status_of(self.diagnostics, f"tactile_filter: {name}")
 
     def count(self, name):
         """Counter ``name`` of the inputs in diagnostics of the present."""

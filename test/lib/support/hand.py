@@ -18,7 +18,9 @@ class Hand:
     ``published`` has the messages in the form of :func:`support.bags.write_bag`.
     """
 
-    def __init__(self, probe, frame="material", phalanges=("middle", "index", "thumb"), node="mapping"):
+    def __init__(
+        self, probe, frame="material", phalanges=("middle", "index", "thumb"), node="tactile_mapping"
+    ):
         from geometry_msgs.msg import PoseStamped
 
         from tactile_localizer.msg import ScanStatus, StrainVectors
@@ -52,7 +54,9 @@ class Hand:
 
         first = len(self.published)
         received = [serialize_message(message) for message in self.statuses]
-        return self.published + [("mapping/status", first + index, raw) for index, raw in enumerate(received)]
+        return self.published + [
+            ("tactile_mapping/status", first + index, raw) for index, raw in enumerate(received)
+        ]
 
     def slide(self, duration_ms, poses=True):
         """Publish poses and strain of the next ``duration_ms``, paced so that no message is lost."""

@@ -16,7 +16,7 @@ from support.sweeps import SlidingHand, unseen_sweep
 
 from tactile_localizer.resources import resource_path
 
-_SIMULATED = yaml.safe_load(resource_path("config/simulator.yaml").read_text())["/**/simulator"][
+_SIMULATED = yaml.safe_load(resource_path("config/simulator.yaml").read_text())["/**/tactile_simulator"][
     "ros__parameters"
 ]
 """Parameters of the simulated hand."""
@@ -32,7 +32,7 @@ class Started:
     Parameters
     ----------
     launch_file : launch file of the nodes; empty for nodes that substitute hardware
-    nodes : names of the nodes
+    nodes : names of the nodes, without ``tactile_``
     arguments : launch arguments, without the parameter file
     parameters : contents of the parameter file: parameters by node
     """
@@ -54,7 +54,9 @@ class Started:
 
     def _params_file(self, folder: Path) -> Path:
         file = folder / f"{self.arguments.get('namespace', 'hand')}{len(self.nodes)}.yaml"
-        content = {f"/**/{node}": {"ros__parameters": dict(own)} for node, own in self.parameters.items()}
+        content = {
+            f"/**/tactile_{node}": {"ros__parameters": dict(own)} for node, own in self.parameters.items()
+        }
         file.write_text(
             json.dumps(content) if content else "", encoding="utf-8"
         )  # JSON is YAML without aliases
@@ -116,13 +118,13 @@ def _scanning(place: Place) -> Sequence[Started]:
 def _check_a_recorded_sweep(probe: Probe, place: Place) -> None:
     from tactile_localizer.msg import ScanStatus
 
-    statuses = probe.listen(ScanStatus, "mapping/status")
+    statuses = probe.listen(ScanStatus, "tactile_mapping/status")
     _check_strain_and_poses(probe, place)
-    _call(probe, "simulator/prepare")
-    _call(probe, "mapping/start_sweep")
-    _call(probe, "simulator/sweep")
+    _call(probe, "tactile_simulator/prepare")
+    _call(probe, "tactile_mapping/start_sweep")
+    _call(probe, "tactile_simulator/sweep")
     probe.until(lambda: statuses and statuses[-1].samples > 100, "pairs in the scan")
-    _call(probe, "mapping/end_sweep")
+    _call(probe, "tactile_mapping/end_sweep")
     assert statuses[-1].scan_file == str(place.folder / "new_scan")
 
 
@@ -134,10 +136,10 @@ def _localizing(place: Place) -> Sequence[Started]:
 def _check_posteriors(probe: Probe, place: Place, namespace: str = "") -> None:
     from tactile_localizer.msg import Posterior
 
-    posteriors = probe.listen(Posterior, f"{namespace}filter/posterior", 1000)
+    posteriors = probe.listen(Posterior, f"{namespace}tactile_filter/posterior", 1000)
     probe.until(lambda: posteriors and not posteriors[-1].stale, "an estimate", 60.0)
-    _call(probe, f"{namespace}simulator/prepare")
-    _call(probe, f"{namespace}simulator/sweep")
+    _call(probe, f"{namespace}tactile_simulator/prepare")
+    _call(probe, f"{namespace}tactile_simulator/sweep")
     probe.until(
         lambda: posteriors[-1].travel > 0.02 and not posteriors[-1].stale,
         "posteriors that move with the hand",
@@ -174,9 +176,9 @@ def _remapped(place: Place) -> Sequence[Started]:
 def _check_remapped_topics(probe: Probe, place: Place) -> None:
     from tactile_localizer.msg import Posterior
 
-    posteriors = probe.listen(Posterior, "hand/filter/posterior", 1000)
+    posteriors = probe.listen(Posterior, "hand/tactile_filter/posterior", 1000)
     hand = SlidingHand(probe, unseen_sweep(), topics=("hand/strain", "hand/arm/tool_pose"))
-    probe.until(lambda: probe.node.count_publishers("hand/filter/posterior"), "the filter")
+    probe.until(lambda: probe.node.count_publishers("hand/tactile_filter/posterior"), "the filter")
     probe.until(lambda: hand.slide(1) or posteriors, "the first posterior")
     hand.slide(40)
     probe.until(lambda: posteriors[-1].travel > 0.008, "posteriors that move with the arm")
@@ -191,11 +193,11 @@ def _managed(place: Place) -> Sequence[Started]:
 def _check_posteriors_after_activation(probe: Probe, place: Place) -> None:
     from tactile_localizer.msg import Posterior
 
-    posteriors = probe.listen(Posterior, "filter/posterior", 1000)
+    posteriors = probe.listen(Posterior, "tactile_filter/posterior", 1000)
     for node in ("driver", "filter"):
         for transition in ("configure", "activate"):
             assert not posteriors
-            assert probe.change(node, transition)
+            assert probe.change(f"tactile_{node}", transition)
     probe.until(lambda: posteriors and not posteriors[-1].stale, "the first posterior")
 
 

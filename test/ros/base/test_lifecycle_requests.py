@@ -22,13 +22,13 @@ def uncalibrated(tmp_path):
 
 def test_an_invalid_transition_is_rejected(node_process, probe, valid):
     process = node_process("filter_node", {**valid["filter"], "autostart": False})
-    assert not probe.change("filter", "activate")
+    assert not probe.change("tactile_filter", "activate")
     process.wait_for_line("transition 3")
-    assert state_of(probe, "filter") == "unconfigured"
-    assert probe.change("filter", "configure")
-    assert not probe.change("filter", "configure")
-    assert probe.change("filter", "activate")
-    assert state_of(probe, "filter") == "active"
+    assert state_of(probe, "tactile_filter") == "unconfigured"
+    assert probe.change("tactile_filter", "configure")
+    assert not probe.change("tactile_filter", "configure")
+    assert probe.change("tactile_filter", "activate")
+    assert state_of(probe, "tactile_filter") == "active"
 
 
 def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe, uncalibrated):
@@ -37,18 +37,18 @@ def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe,
 
     reports = probe.diagnostics()
     process = node_process("filter_node", {"scan_file": uncalibrated, "autostart": False, **CELL})
-    client = probe.node.create_client(ChangeState, "filter/change_state")
+    client = probe.node.create_client(ChangeState, "tactile_filter/change_state")
     probe.until(client.service_is_ready, "the filter", 60.0)
-    probe.known_to("filter")
+    probe.known_to("tactile_filter")
     configure = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
     answer = client.call_async(configure)
-    probe.until(lambda: state_of(probe, "filter") == "configuring", "the calibration")
-    assert not probe.change("filter", "configure"), "one transition at a time"
+    probe.until(lambda: state_of(probe, "tactile_filter") == "configuring", "the calibration")
+    assert not probe.change("tactile_filter", "configure"), "one transition at a time"
     probe.until(answer.done, "the end of the calibration", 180.0)
     assert "calibrating on held-out sweeps: 20%" in process.output
     assert answer.result().success
     probe.until(lambda: any("ready: 100%" in array.status[0].message for array in reports), "100 %")
-    assert reports[0].status[0].name == "filter: map"
+    assert reports[0].status[0].name == "tactile_filter: map"
     assert process.stop() == 0
 
 
@@ -62,16 +62,16 @@ def test_an_interrupt_ends_a_calibrating_node(node_process, uncalibrated):
 def test_inactive_nodes_publish_nothing(node_process, probe, valid):
     from tactile_localizer.msg import ScanStatus
 
-    statuses = probe.listen(ScanStatus, "mapping/status", probe.latched)
+    statuses = probe.listen(ScanStatus, "tactile_mapping/status", probe.latched)
     node_process("mapping_node", {**valid["mapping"], "autostart": False})
-    assert probe.change("mapping", "configure")
-    probe.until(lambda: probe.node.count_publishers("mapping/status"), "the publisher")
-    probe.known_to("mapping")
+    assert probe.change("tactile_mapping", "configure")
+    probe.until(lambda: probe.node.count_publishers("tactile_mapping/status"), "the publisher")
+    probe.known_to("tactile_mapping")
     assert not statuses
-    assert probe.change("mapping", "activate")
+    assert probe.change("tactile_mapping", "activate")
     probe.until(lambda: statuses, "a status")
-    assert probe.change("mapping", "deactivate")
-    probe.known_to("mapping")
+    assert probe.change("tactile_mapping", "deactivate")
+    probe.known_to("tactile_mapping")
     statuses.clear()
-    probe.known_to("mapping")
+    probe.known_to("tactile_mapping")
     assert not statuses

@@ -127,7 +127,7 @@ def test_a_rejected_configuration_gives_its_reason(make, tmp_path, capfd):
     from rclpy.parameter import Parameter
 
     node = make()
-    right = node.get_parameter(PATHS[node.get_name()])
+    right = node.get_parameter(PATHS[node.get_name().removeprefix("tactile_")])
     wrong = Parameter(right.name, value=str(tmp_path / "missing"))
     node.set_parameters([wrong])
     for _ in range(2):

@@ -16,13 +16,15 @@ def test_all_parameters_have_values_and_descriptions(
     from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 
     node_process(f"{node}_node", {"autostart": False})
-    names = probe.call(ListParameters, f"{node}/list_parameters").result.names
-    values = probe.call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names)).values
+    names = probe.call(ListParameters, f"tactile_{node}/list_parameters").result.names
+    values = probe.call(
+        GetParameters, f"tactile_{node}/get_parameters", GetParameters.Request(names=names)
+    ).values
     assert len(values) == len(names) > 3
     assert all(value.type != ParameterType.PARAMETER_NOT_SET for value in values)
     of_rclpy = ("use_sim_time", "start_type_description_service", "qos_overrides.")
     own = DescribeParameters.Request(names=[name for name in names if not name.startswith(of_rclpy)])
-    for one in probe.call(DescribeParameters, f"{node}/describe_parameters", own).descriptors:
+    for one in probe.call(DescribeParameters, f"tactile_{node}/describe_parameters", own).descriptors:
         assert len(one.description) > 10, one.name
         assert bool(one.integer_range) == (one.type == ParameterType.PARAMETER_INTEGER), one.name
         assert bool(one.floating_point_range) == (one.type == ParameterType.PARAMETER_DOUBLE), one.name
@@ -48,10 +50,16 @@ def test_values_that_do_not_change_can_be_set_at_any_time(
 
     node_process("adapter_node")
     names = ["adapter_file", "frame_id", "autostart"]
-    values = probe.call(GetParameters, "adapter/get_parameters", GetParameters.Request(names=names)).values
+    values = probe.call(
+        GetParameters, "tactile_adapter/get_parameters", GetParameters.Request(names=names)
+    ).values
     dump = [Parameter(name=name, value=value) for name, value in zip(names, values, strict=True)]
-    answer = probe.call(SetParameters, "adapter/set_parameters", SetParameters.Request(parameters=dump))
+    answer = probe.call(
+        SetParameters, "tactile_adapter/set_parameters", SetParameters.Request(parameters=dump)
+    )
     assert [result.successful for result in answer.results] == [True] * 3
     dump[1].value.string_value = "wrist"
-    answer = probe.call(SetParameters, "adapter/set_parameters", SetParameters.Request(parameters=dump))
+    answer = probe.call(
+        SetParameters, "tactile_adapter/set_parameters", SetParameters.Request(parameters=dump)
+    )
     assert [result.successful for result in answer.results] == [True, False, True]
