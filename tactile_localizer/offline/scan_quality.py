@@ -1,4 +1,4 @@
-"""Checks of a scan: early endings, coverage, dead channels, a single sweep.
+"""Checks of a scan: early endings, implausible motion, coverage, dead channels, a single sweep.
 
 The thresholds are judgement, each with its reason; the user decides what to do about a finding.
 """
@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tactile_localizer.core.geometry.palm_motion import describe_motion
 from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import listed
@@ -37,6 +38,11 @@ def findings(scan: Scan, scene: Scene, sweeps: Sequence[RecordedSweep]) -> list[
     found = []
     if early := [sweep.number for sweep in sweeps if sweep.ending != ENDED]:
         found.append(f"recording ended early: sweep {listed(map(str, early))}")
+    motions = [(each, describe_motion(scene.axes, each.stamp_ns, each.position)) for each in sweeps]
+    if implausible := [(sweep.number, motion) for sweep, motion in motions if motion]:
+        number, motion = implausible[0]
+        others = f"{len(implausible) - 1} of {len(sweeps) - 1} others are implausible"
+        found.append(f"{motion} (sweep {number}, and {others})")
     if len(scan.sweep_numbers) == 1:
         found.append("only one sweep: the noise between sweeps cannot be estimated")
     coverage = Coverage(scene)

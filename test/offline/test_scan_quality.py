@@ -44,6 +44,15 @@ def test_a_sweep_that_ended_early_is_reported(sound):
     assert found == ["recording ended early: sweep 1"]
 
 
+def test_implausible_motion_is_reported_once(sound):
+    stamp_ns, x = np.arange(0, 400) * 5_000_000, np.linspace(0.0, 0.05, 400)
+    moving, two = (np.column_stack([x + off, x]) for off in (0.0, 0.01 * (np.arange(400) % 2)))
+    places = [moving, moving[:1] + 0 * moving, two, moving, two]
+    sweeps = [RecordedSweep(n, stamp_ns, place, x, x) for n, place in enumerate(places, 1)]
+    (finding,) = findings(sound, SCENE, sweeps)
+    assert finding == "the position does not change over 2.0 s (sweep 2, and 2 of 4 others are implausible)"
+
+
 def test_few_pairs_have_no_findings_of_channels(sound):
     assert not any("channel " in line for line in findings(sound.select(np.array([0])), SCENE, []))
 
