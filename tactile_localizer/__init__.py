@@ -8,7 +8,7 @@ The public names (:data:`__all__`) are imported from here and need no ROS::
     localizer = make_localizer(scan, scene, scan_file="bump_scan")
     for sample in read_recording("test.csv.gz", scene).sweeps[0].samples():
         estimate = localizer.update(*sample)
-    print(estimate.mean, estimate.converged, estimate.reason)
+    print("true", sample[1], "error", estimate.mean - sample[1], estimate.reason)
 
 Layers, lowest first: :mod:`~tactile_localizer.core` (numpy and scipy only), then
 :mod:`~tactile_localizer.io` (files and CAN), :mod:`~tactile_localizer.sim` and

@@ -1,5 +1,6 @@
 """The package as a library, and the example of the README."""
 
+import json
 import re
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 
 import tactile_localizer
 from tactile_localizer import Configuration
+from tactile_localizer.cli import main
 from tactile_localizer.errors import TactileLocalizerError
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scans.importer import import_recording
@@ -35,15 +37,19 @@ def example(text):
     return re.sub(r"(?m)^    ", "", block)
 
 
-def test_the_readmes_six_lines_localize(recorded):
+def test_the_readmes_six_lines_are_the_exact_replay(recorded, capsys):
     code = example((ROOT / "README.md").read_text())
     assert len([line for line in code.splitlines() if line]) == 6
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=recorded, capture_output=True, text=True, check=False, timeout=120
     )
     assert done.returncode == 0, done.stderr
-    assert re.fullmatch(r"\[0\.0\d+ +0\.0\d+ *\] True converged: .*\n", done.stdout)
     assert done.stderr == ""
+    replay = f"replay {recorded}/test.csv.gz --scan {recorded}/bump_scan --odometry exact --json -"
+    assert main(replay.split()) == 0
+    each = [each for each in json.loads(capsys.readouterr().out)["updates"] if each["sweep"] == 0][-1]
+    mean, truth = np.array(each["mean"]), np.array(each["truth"])
+    assert done.stdout == f"true {truth} error {mean - truth} {each['reason']}\n"
 
 
 def test_the_package_docstring_shows_the_same_example():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -13,6 +14,8 @@ from pathlib import Path
 
 import pytest
 import yaml
+
+from tactile_localizer.cli import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 PACKAGE_XML = ElementTree.parse(ROOT / "package.xml").getroot()
@@ -179,15 +182,25 @@ def test_a_wheel_replays_the_shipped_recording_without_extras(installed: Path, t
         tmp_path,
         f"import csv {recording}/train.csv.gz --scene {recording}/scene.yaml -o scan",
         f"replay {recording}/test.csv.gz --scan scan --seed 1",
+        f"tradeoff {recording}/test.csv.gz --scan scan --configurations fast",
     )
-    assert printed[-1] == "[0, 0]", "\n".join(printed)
+    assert printed[-1] == "[0, 0, 0]", "\n".join(printed)
+    assert printed[-2].startswith("tradeoff/tradeoff.png: left out, because it needs matplotlib")
+    (row,) = json.loads((tmp_path / "tradeoff/tradeoff.json").read_text())["candidates"]
+    assert row["verdict"]["right"] == 17
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_a_command_needs_no_extra(command: str, tmp_path: Path) -> None:
+    printed = run_without(EXTRAS, ROOT, tmp_path, f"{command} --help")
+    assert printed[0].startswith(f"usage: tactile-localizer {command}")
 
 
 @pytest.mark.parametrize(
     ("library", "command"),
     [
         ("rosbags", "import bag . --scene bump.yaml -o scan"),
-        ("joblib", "tradeoff a.csv --scan scan"),
+        ("joblib", "tradeoff a.csv --scan scan --jobs 2"),
         ("matplotlib", "replay a.csv --scan scan --plot b.png"),
         ("distributed", "tradeoff a.csv --scan scan --cluster tcp://a:1"),
         ("rclpy", "demo"),

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import errno
 import os
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
@@ -17,33 +20,67 @@ if TYPE_CHECKING:
 _PICTURES = (".pdf", ".png", ".svg")
 """Extensions of pictures."""
 
+_INPUTS = ("recordings", "scan", "scene", "config", "configurations", "columns", "poses", "adapter")
+"""Arguments of commands that name what is read."""
+
 _DPI = 120
 """Resolution of pictures."""
 
 
-def require_writable(path: Path) -> None:
-    """Require that a file can be written; its folder may be missing.
+def require_writable(path: Path, args: argparse.Namespace) -> None:
+    """Require that a file can be written and replaces no input; its folder may be missing.
+
+    Parameters
+    ----------
+    path : file to write
+    args : the command line, with the inputs of :data:`_INPUTS`
 
     Raises
     ------
+    ParameterError
+        It is an input, or in a folder that is one, also by another name (links).
     ScanError
         It is a folder, or no file can be made in its folder.
     """
     with writing(path):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        folder = next(parent for parent in path.resolve().parents if parent.exists())
+        place = path.resolve()
+        folder = next(parent for parent in place.parents if parent.exists())
         with TemporaryFile(dir=folder):
             pass
+        hard_linked = path.exists() and path.stat().st_nlink > 1
+    own = _identities((place, *place.parents))
+    for given in _inputs(args):
+        inside = given.glob("**/*") if hard_linked else ()
+        if own & _identities((given, *inside)):
+            raise ParameterError(f"{path}: expected another file than the inputs, found it in {given}")
 
 
-def require_picture(path: Path) -> None:
+def _inputs(args: argparse.Namespace) -> Iterator[Path]:
+    """Files and folders that the command line names as inputs."""
+    for name in _INPUTS:
+        value = getattr(args, name, None) or ()
+        yield from map(Path, [value] if isinstance(value, str) else value)
+
+
+def _identities(paths: Iterable[Path]) -> set[tuple[int, int]]:
+    """Device and inode of those that exist, which are the same under all names of a file."""
+    found = set()
+    for path in paths:
+        with suppress(OSError, ValueError):  # it does not exist, or cannot
+            stat = path.stat()
+            found.add((stat.st_dev, stat.st_ino))
+    return found
+
+
+def require_picture(path: Path, args: argparse.Namespace) -> None:
     """Require that a picture can be drawn and written.
 
     Raises
     ------
     ParameterError
-        The extension is not that of a picture.
+        The extension is not that of a picture, or as :func:`require_writable`.
     ScanError
         As :func:`require_writable`.
     ModuleNotFoundError
@@ -54,7 +91,7 @@ def require_picture(path: Path) -> None:
     if path.suffix.lower() not in _PICTURES:
         *others, last = _PICTURES
         raise ParameterError(f"{path}: expected a name that ends in {', '.join(others)} or {last}")
-    require_writable(path)
+    require_writable(path, args)
 
 
 def write_picture(path: Path, figure: Figure) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from contextlib import redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -27,12 +29,14 @@ from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.recording import Recording, usable
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.offline.axes import MM
-from tactile_localizer.offline.json_file import write_json
+from tactile_localizer.offline.json_file import json_text, write_json
 from tactile_localizer.offline.metrics import with_contact
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.offline.replay_document import learned_values, replay_document
 from tactile_localizer.offline.verdict import judge
 from tactile_localizer.scene import Scene
+
+_STANDARD_OUTPUT = Path("-")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,16 +49,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--filter", choices=FILTERS, help="Bayes filter (default: grid, which is exact)")
     add_seed_argument(parser)
     add_recording_arguments(parser)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the summary and every estimate")
+    text = "write the summary and every estimate (-: to standard output, all else to standard error)"
+    parser.add_argument("--json", type=Path, metavar="FILE", help=text)
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the error (*.png, *.pdf, *.svg)")
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay and print errors, convergence and the verdict; 0 if it is a success, else 1."""
-    if args.json is not None:
-        require_writable(args.json)
+    output = sys.stdout
+    with redirect_stdout(sys.stderr if args.json == _STANDARD_OUTPUT else output):
+        return _replay(args, output)
+
+
+def _replay(args: argparse.Namespace, output: TextIO) -> int:
+    if args.json not in (None, _STANDARD_OUTPUT):
+        require_writable(args.json, args)
     if args.plot is not None:
-        require_picture(args.plot)
+        require_picture(args.plot, args)
     scan, scene = scan_from_arguments(args)
     configuration = load_configuration(args.config, model=args.model, filter=args.filter)
     recording, odometry = odometry_from_arguments(args, scene, args.recordings)
@@ -68,7 +79,9 @@ def run(args: argparse.Namespace) -> int:
     document = replay_document(
         scene, configuration, recording, sweeps, learned, verdict, odometry=odometry, seed=args.seed
     )
-    if args.json is not None:
+    if args.json == _STANDARD_OUTPUT:
+        output.write(json_text(document))
+    elif args.json is not None:
         write_json(args.json, document)
         print(f"{args.json}: {document['summary']['strains']} updates")
     if args.plot is not None:

@@ -66,7 +66,7 @@ def _picture(folder: Path, name: str) -> Path:
 def _plot(args: argparse.Namespace) -> int:
     folder = ScanFolder(args.scan)
     for phalanx in folder.scene.phalanx_names:
-        require_picture(_picture(args.output, f"map_{phalanx}"))
+        require_picture(_picture(args.output, f"map_{phalanx}"), args)
     # Importing matplotlib takes a second; no other action needs it.
     from tactile_localizer.offline.figures.tactile_map import scan_figures
 

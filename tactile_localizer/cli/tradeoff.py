@@ -10,7 +10,7 @@ from pathlib import Path
 
 import yaml
 
-from tactile_localizer.cli.outputs import require_picture, write_picture
+from tactile_localizer.cli.outputs import require_writable, write_picture
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
@@ -24,7 +24,6 @@ from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.offline.axes import MM
-from tactile_localizer.offline.figures.tradeoff import tradeoff_figure
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.tradeoff import (
     Candidate,
@@ -67,13 +66,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, print the table, write picture and numbers; 1 where no candidate meets the request."""
+    """Measure, print the table, write numbers and picture; 1 where no candidate meets the request."""
     if args.target_mm is not None and not args.target_mm > 0:
         raise ParameterError(f"--target-mm: expected a positive number, got {args.target_mm:g}")
-    picture = args.output / "tradeoff.png"
-    require_picture(picture)
-    if args.cluster is not None:
-        importlib.import_module("distributed")  # refused before the work
+    names = ("tradeoff.png", "tradeoff.json", "configuration.yaml")
+    picture, numbers, chosen = (args.output / name for name in names)
+    for path in (picture, numbers, *[chosen] * (args.target_mm is not None)):
+        require_writable(path, args)
+    for name in ["joblib"] * (args.jobs != 1) + ["joblib", "distributed"] * (args.cluster is not None):
+        importlib.import_module(name)  # refused before the work
     scan, scene = scan_from_arguments(args)
     recording, _ = odometry_from_arguments(args, scene, args.recordings)
     named = [Candidate(Path(name).stem, named_configuration(name)) for name in args.configurations or ()]
@@ -95,21 +96,24 @@ def run(args: argparse.Namespace) -> int:
     _print(trades)
     for name, reason in failed.items():
         print(f"{name}: not measured, {reason}")
-    write_picture(picture, tradeoff_figure(trades))
     rows = [_row(one, trades[0]) for one in trades]
-    numbers = args.output / "tradeoff.json"
     write_json(numbers, {"candidates": rows, "not_measured": failed})
     print(numbers)
-    return 0 if args.target_mm is None else _choose(trades, args.target_mm, args.output)
+    try:
+        from tactile_localizer.offline.figures.tradeoff import tradeoff_figure
+    except ImportError as error:
+        print(f"{picture}: left out, because it needs matplotlib, {error}")
+    else:
+        write_picture(picture, tradeoff_figure(trades))
+    return 0 if args.target_mm is None else _choose(trades, args.target_mm, chosen)
 
 
-def _choose(trades: Sequence[Trade], target_mm: float, folder: Path) -> int:
+def _choose(trades: Sequence[Trade], target_mm: float, path: Path) -> int:
     """Write the configuration that meets the target as a file; returns the exit status."""
     request, found = f"fastest within {target_mm:g} mm", for_target(trades, target_mm / MM)
     if found is None:
         print(f"{request}: none; nearest is {_describe(min(trades, key=lambda one: one.error))}")
         return 1
-    path = folder / "configuration.yaml"
     values = yaml.safe_dump(found.candidate.changes, sort_keys=False) if found.candidate.changes else ""
     with whole_file(path) as unfinished:
         unfinished.write_text(f"# {request}: {_describe(found)}\n{values}", encoding="utf-8")

@@ -29,6 +29,11 @@ def plain(value: Any) -> Any:
     return value
 
 
+def json_text(value: Mapping[str, Any]) -> str:
+    """``value``, which :func:`plain` converts, as a line of JSON."""
+    return json.dumps(plain(value)) + "\n"
+
+
 def write_json(path: str | Path, value: Mapping[str, Any]) -> None:
     """Write ``value``, which :func:`plain` converts, to a file that appears only when it is complete.
 
@@ -40,4 +45,4 @@ def write_json(path: str | Path, value: Mapping[str, Any]) -> None:
         The file cannot be written.
     """
     with whole_file(path) as unfinished:
-        unfinished.write_text(json.dumps(plain(value)) + "\n", encoding="utf-8")
+        unfinished.write_text(json_text(value), encoding="utf-8")

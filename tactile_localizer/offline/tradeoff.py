@@ -6,12 +6,12 @@ times of one thread, so that candidates may run beside each other.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
-import joblib
 import numpy as np
 from scipy.special import stdtrit
 
@@ -167,23 +167,22 @@ def trade(
     rng = np.random.default_rng(seed)
     exact = build_localizer(scan, scene, Configuration(), rng, calibration=calibration)
     marked = with_contact(recording, scene, exact.model)
-    calls = [joblib.delayed(_measure)(scan, scene, marked, one, calibration, seed) for one in measured]
+    measure = partial(_measure, scan, scene, marked, calibration, seed)
     trades: list[Trade] = []
     failed: dict[str, str] = {}
-    with _workers(jobs, cluster):
-        found = joblib.Parallel(return_as="generator", batch_size=1)(calls)
-        for number, (one, outcome) in enumerate(zip(measured, found, strict=True), 1):
+    with _workers(jobs, cluster) as run:
+        for number, (one, outcome) in enumerate(zip(measured, run(measure, measured), strict=True), 1):
             if isinstance(outcome, Trade):
                 trades.append(outcome)
             else:
                 failed[one.name] = outcome
             if progress is not None:
-                progress("replaying", number / len(calls))
+                progress("replaying", number / len(measured))
     return trades, failed
 
 
 def _measure(
-    scan: Scan, scene: Scene, recording: Recording, candidate: Candidate, calibration: Calibration, seed: int
+    scan: Scan, scene: Scene, recording: Recording, calibration: Calibration, seed: int, candidate: Candidate
 ) -> Trade | str:
     """Accuracy and cost of a candidate, or why it cannot be measured."""
     configuration, rng = candidate.configuration, np.random.default_rng(seed)
@@ -227,11 +226,21 @@ def for_target(trades: Sequence[Trade], target_m: float) -> Trade | None:
 
 
 @contextmanager
-def _workers(jobs: int, cluster: str | None) -> Iterator[None]:
-    """Context in which joblib uses processes of this machine, or a dask cluster."""
+def _workers(jobs: int, cluster: str | None) -> Iterator[Callable[..., Iterator[Trade | str]]]:
+    """Context with a ``map`` in this process, in several processes of this machine, or on a dask cluster."""
+    if cluster is None and jobs == 1:
+        yield map
+        return
+    import joblib
+
+    def run(function: Callable[..., Trade | str], values: Sequence[Candidate]) -> Iterator[Trade | str]:
+        calls = map(joblib.delayed(function), values)
+        outcomes: Iterator[Trade | str] = joblib.Parallel(return_as="generator", batch_size=1)(calls)
+        return outcomes
+
     if cluster is None:
         with joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1):
-            yield
+            yield run
         return
     from distributed import Client
 
@@ -242,4 +251,4 @@ def _workers(jobs: int, cluster: str | None) -> Iterator[None]:
             f"--cluster {cluster}: expected a dask scheduler, {' '.join(str(error).split())}"
         ) from None
     with client, joblib.parallel_config("dask", client=client):
-        yield
+        yield run

@@ -129,6 +129,18 @@ def test_updates_are_reproducible_by_seed(bump_folder: Path, random: str) -> Non
     assert document("a.json")["summary"] == document("b.json")["summary"]
 
 
+def test_standard_output_may_have_the_json_alone(bump_folder: Path, capsys) -> None:
+    write_short(120)
+    short = ["replay", "short.csv", "--scan", "bump_scan", "--config", "fast", "--json"]
+    status = main([*short, "short.json"])
+    report = capsys.readouterr().out.partition("\n")[2]
+    assert main([*short, "-"]) == status
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["updates"] == document("short.json")["updates"]
+    assert printed.err.splitlines()[-1] == report.splitlines()[-1]
+    assert not Path("-").exists()
+
+
 def test_strain_in_another_unit_and_the_reason_are_printed(bump_folder: Path, capsys) -> None:
     write_short(400)
     columns = [f"--column={name}={name}_1..8*1000" for name in ("index", "middle")]
