@@ -33,6 +33,8 @@ _log = logging.getLogger(__name__)
 
 HISTORY, DROPPED = "history.jsonl", "dropped"
 
+_MOST_HISTORY = 2**24
+"""Bytes of the history that are read, some 50,000 lines."""
 _SWEEP_FILE = re.compile(r"sweep_([0-9]{1,9})\.npy")
 
 
@@ -77,9 +79,9 @@ class ScanFolder:
     def recording(self, scene: Scene | None = None) -> Recording:
         """The sweeps in the order of their numbers, also one in progress; neither dropped nor empty ones.
 
-        The notes have one line for each file that is not used, or not completely. Such a file is damaged,
-        misnamed, or of another scene or unit than the sweeps before it, or it holds the same pairs as one of
-        them: the map would take the second for a repetition without noise.
+        The notes have one line for each file that is not used, or not completely. Such a file has no pairs,
+        is damaged, misnamed, or of another scene or unit than the sweeps before it, or it holds the same
+        pairs as one of them: the map would take the second for a repetition without noise.
 
         Parameters
         ----------
@@ -108,7 +110,9 @@ class ScanFolder:
                 unused.append(f"{error}; the sweep is not used")
                 continue
             sweeps.append(sweep)
-            if damaged:
+            if not len(sweep):
+                unused.append(f"{file}: sweep {number} has no pairs")
+            elif damaged:
                 unused.append(f"{file}: {damaged} of {len(sweep) + damaged} pairs are damaged and not used")
         if unused and not sweeps:
             raise ScanError(f"{unused[0]}, nor is any other")
@@ -128,7 +132,7 @@ class ScanFolder:
         """The entries of the history, oldest first: ``at`` (ISO 8601, UTC), ``what``, and details."""
         entries: list[dict[str, Any]] = []
         with suppress(OSError), open_file(self.path / HISTORY) as file:
-            for line in file.read().decode("utf-8", errors="replace").splitlines():
+            for line in file.read(_MOST_HISTORY).decode("utf-8", errors="replace").splitlines():
                 entry = {"at": "", "what": f"unreadable line {line[:40]!r}"}
                 with suppress(ValueError, RecursionError, TypeError):
                     entry |= json.loads(line)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ScanError, listed
 from tactile_localizer.io.recording import OUTSIDE, USABLE, Recording, screen
 from tactile_localizer.io.scans.folder import require_new
 from tactile_localizer.io.scans.writer import ScanWriter
@@ -105,3 +105,6 @@ def _skipped_notes(recording: Recording, scene: Scene, reasons: Sequence[np.ndar
     ):
         if count:
             yield f"skipped {count} of {len(recording) + gaps} samples {what}"
+    each = zip(recording.sweeps, reasons, strict=True)
+    if empty := [str(sweep.number) for sweep, reason in each if not (reason == USABLE).any()]:
+        yield f"no pairs: sweep {listed(empty)}"

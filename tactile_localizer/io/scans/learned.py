@@ -29,6 +29,7 @@ from tactile_localizer.scene import Scene
 _log = logging.getLogger(__name__)
 
 FILE = "calibration.json"
+_MOST_BYTES = 2**20
 ALGORITHM = 15
 """Number that changes with the algorithm of :func:`~.factory.learn`."""
 
@@ -47,7 +48,7 @@ def learned_calibration(
     digest = digest_of(scan, scene)
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
         with open_file(Path(path, FILE)) as file:
-            values = json.loads(file.read())
+            values = json.loads(file.read(_MOST_BYTES))
         calibration = Calibration(
             np.array(values["registration_std"], dtype=np.float64),
             values["variance"] and VarianceModel(**values["variance"]),

@@ -26,8 +26,9 @@ from tactile_localizer.scene import Scene
 _END = b"\nsweep "
 _RESIDUE = 0x2144DF1C
 """CRC-32 of anything that ends with its own CRC-32."""
-_MOST_BYTES, _MOST_DAMAGE = 2**31, 2**20
-"""Bytes of a file that are read, 3 h at 1 kHz, and those without an intact record that end the reading."""
+_PIECE, _MOST_BYTES, _MOST_DAMAGE = 2**20, 2**28, 2**27
+"""Bytes that are read at a time, and of pairs, half an hour at 1 kHz; checked bytes without an intact record
+that end the reading."""
 
 
 class OpenSweep:
@@ -115,29 +116,36 @@ def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, in
     ScanError
         The file cannot be read, belongs to another scene, or no record is intact.
     """
+    kind, start = _record_type(scene), _checksum(scene)
+    size, begin = kind.itemsize, len(_header(scene, 0))
+    intact, rest, at = bytearray(), b"", 0  # bytes behind the last intact record, and how many are checked
+    most = max(2 * size, _MOST_DAMAGE // size)
     try:
         with open_file(path) as file:
-            content = file.read(_MOST_BYTES)[len(_header(scene, 0)) :]
+            lost = os.fstat(file.fileno()).st_size - begin
+            file.seek(begin)
+            while at < most and len(intact) < _MOST_BYTES and (piece := file.read(_PIECE)):
+                rest += piece
+                good = 0
+                while at + size <= len(rest) and at - good < most:
+                    record = rest[at : at + size]
+                    at += 1
+                    if zlib.crc32(record, start) == _RESIDUE:
+                        intact += record
+                        at = good = at - 1 + size
+                rest, at = rest[good:], at - good
     except OSError as error:
         raise ScanError(f"{path}: could not be read, {error.strerror}") from None
-    body, mark, end = content.rpartition(_END)
-    details = _details(end) if mark else {}
+    _, mark, end = rest.rpartition(_END)
+    line = end.partition(b"\n")[0]
+    details = _details(line) if mark else {}
     if details:
         require_same_scene(details.pop("scene"), scene_to_dict(scene), str(path))
-    kind, start = _record_type(scene), _checksum(scene)
-    intact, at, good, size = [], 0, 0, kind.itemsize
-    records = memoryview(body if mark else content)
-    while at + size <= len(records) and at - good < _MOST_DAMAGE:
-        record = records[at : at + size]
-        if zlib.crc32(record, start) == _RESIDUE:
-            intact.append(record)
-            at = good = at + size
-        else:
-            at += 1
-    damaged = -((size * len(intact) - len(records)) // size)
+    lost -= len(intact) + (len(mark + line) + 1 if mark else 0)
+    damaged = max(-(-lost // size), 0)
     if damaged and not intact:
         raise ScanError(f"{path}: expected pairs of the scan's scene, found none that is intact")
-    pairs = np.frombuffer(b"".join(intact), kind)
+    pairs = np.frombuffer(intact, kind)
     sweep = RecordedSweep(
         number,
         pairs["stamp_ns"].copy(),
@@ -169,6 +177,6 @@ def _checksum(scene: Scene) -> int:
 
 def _details(end: bytes) -> dict[str, Any]:
     """What the last line says; empty if it is damaged."""
-    crc, _, text = end.rstrip().partition(b" ")
+    crc, _, text = end.partition(b" ")
     details: dict[str, Any] = json.loads(text) if crc == b"%08x" % zlib.crc32(text) else {}
     return details

@@ -53,12 +53,14 @@ def test_a_flipped_byte_is_calibrated_again(path, calibrated):
         assert len(calibrated) == count
 
 
-@pytest.mark.parametrize("content", ["{}", "[1]", "x", "[" * 100_000, None])
+@pytest.mark.parametrize("content", ["{}", "[1]", "x", "[" * 100_000, "huge", None])
 def test_an_invalid_file_is_calibrated_again(path, calibrated, content):
     if content is None:
         os.mkfifo(path / "calibration.json")
     else:
         (path / "calibration.json").write_text(content)
+        if content == "huge":
+            os.truncate(path / "calibration.json", 2**40)
     assert learned_calibration(path, *load_scan(path)).registration_std[0] == 0.0004
     assert len(calibrated) == 1
 

@@ -1,17 +1,22 @@
 """A scan is a folder of sweeps that reads back what was written; what cannot be read is named, not used."""
 
 import json
+import logging
 import os
 import re
+import resource
 import shutil
 import time
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.recording import RecordedSweep
+from tactile_localizer.io.scans import folder
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
@@ -132,17 +137,63 @@ UNUSABLE = [
 ]
 
 
-def test_a_huge_file_is_given_up_soon(tmp_path):
+@pytest.mark.parametrize("name", ["sweep_0002.npy", "history.jsonl"])
+def test_a_huge_file_is_read_in_part(tmp_path, name):
+    """As after the repair of a file system: of some GB, almost all of them zeros."""
     scan = record(tmp_path / "scan")
-    with ScanWriter(scan.path, SCENE) as writer:
-        writer.begin_sweep().append(*pairs(seed=4))
-    os.truncate(scan.path / "sweep_0004.npy", 2**27)
-    begin = time.process_time()
-    found = scan.recording()
-    (line,) = found.notes
-    assert [len(sweep) for sweep in found.sweeps] == [10, 10, 10, 10]
-    assert "pairs are damaged and not used" in line
+    (scan.path / name).touch()
+    os.truncate(scan.path / name, 5 * 2**30)
+    begin, limit = time.process_time(), resource.getrlimit(resource.RLIMIT_AS)
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + 2**28, limit[1]))
+    try:
+        found, _ = scan.recording(), scan.history()
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, limit)
+    assert [(len(sweep), sweep.gaps, sweep.ending) for sweep in found.sweeps] == [
+        (10, number, "ended") for number in (1, 2, 3)
+    ]
+    assert len(found.notes) == name.startswith("sweep")
+    assert all("pairs are damaged and not used" in note for note in found.notes)
     assert time.process_time() - begin < 20.0
+
+
+def test_a_megabyte_of_damage_costs_no_pair_behind_it_and_no_time(tmp_path):
+    phalanges = tuple(Phalanx(f"p{n}", (0.0, 0.0), 256) for n in range(16))
+    scene, rng = replace(SCENE, phalanges=phalanges), np.random.default_rng(0)
+    with ScanWriter(tmp_path / "scan", scene) as writer:
+        writer.begin_sweep().append(np.arange(20), rng.random((20, 2)), rng.random((20, 4096)))
+    file = tmp_path / "scan" / "sweep_0001.npy"
+    content = file.read_bytes()
+    file.write_bytes(content[:100_000] + b"x" + content[100_000:])
+    begin = time.process_time()
+    found = ScanFolder(tmp_path / "scan").recording()
+    assert len(found) == 19
+    assert time.process_time() - begin < 20.0
+
+
+@pytest.mark.parametrize("sizes", [(0,), (60,), (100,), (None,), (0, 0, 0)])
+def test_a_sweep_without_pairs_is_named(tmp_path, sizes, caplog, monkeypatch):
+    """A power cut or an interrupted copy leaves no bytes, a part of the header or all of it."""
+    scan = record(tmp_path / "scan")
+    for number, size in enumerate(sizes, 1):
+        with ScanWriter(tmp_path / "header", SCENE) as writer:
+            writer.begin_sweep(number=number)
+        shutil.copy(tmp_path / "header" / f"sweep_{number:04}.npy", scan.path)
+        if size is not None:
+            os.truncate(scan.path / f"sweep_{number:04}.npy", size)
+    found = scan.recording()
+    assert list(found.notes) == [
+        f"{scan.path}/sweep_{number:04}.npy: sweep {number} has no pairs"
+        for number in range(1, len(sizes) + 1)
+    ]
+    assert [sweep.number for sweep in found.sweeps] == [1, 2, 3][len(sizes) :]
+    monkeypatch.setattr(logging.getLogger(folder.__name__), "propagate", True)
+    with suppress(ScanError):
+        scan.load()
+    assert "sweep 1 has no pairs" in caplog.text
+    with ScanWriter(scan.path, SCENE) as writer:
+        assert writer.begin_sweep().number == 4
 
 
 @pytest.mark.parametrize(("name", "make", "message"), UNUSABLE)

@@ -61,6 +61,20 @@ def test_an_import_of_few_usable_samples_leaves_no_file(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_samples_that_could_not_be_read_count_as_unusable(tmp_path):
+    readable = sweep_of(1, [0.5, 0.6])
+    import_recording(Recording("source", (readable,), (), lost=2), SCENE, tmp_path / "half")
+    with pytest.raises(ScanError, match="at least half of 5 samples to be usable, found 2"):
+        import_recording(Recording("source", (readable,), (), lost=3), SCENE, tmp_path / "less")
+
+
+def test_sweeps_without_pairs_are_named(tmp_path):
+    sweeps = (sweep_of(1, [0.5, 0.6]), sweep_of(2, [2.0]), sweep_of(7, []))
+    notes = import_recording(recording_of(*sweeps), SCENE, tmp_path / "bump_scan")
+    assert notes[-1] == "no pairs: sweep 2, 7"
+    assert [sweep.number for sweep in ScanFolder(tmp_path / "bump_scan").recording().sweeps] == [1]
+
+
 def test_import_does_not_overwrite(tmp_path):
     (tmp_path / "bump_scan").write_text("precious")
     for name, message in (("bump_scan", "expected no folder of this"), ("x" * 300, "File name too long")):
