@@ -37,11 +37,11 @@ import time
 from pathlib import Path
 
 import can
+import cantools
 import numpy as np
 from rows import Row, print_rows, write_rows
 
 from tactile_localizer.io.can.assembler import CycleAssembler
-from tactile_localizer.io.can.layout import load_dbc
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.csv.recording import read_rows
 from tactile_localizer.resources import resource_path
@@ -86,7 +86,9 @@ def processor_s(program: str, *arguments: object) -> float:
 def decoding(cycles: int) -> Row:
     """Decoding of two classic frames of each of 14 load cells."""
     dbc = resource_path("config/loadcells.dbc")
-    names = dict.fromkeys(message.name.rpartition("_")[0] for message in load_dbc(dbc).messages)
+    names = dict.fromkeys(
+        message.name.rpartition("_")[0] for message in cantools.database.load_file(dbc).messages
+    )
     protocol = LoadCellProtocol(dbc, tuple(names))
     rng = np.random.default_rng(0)
     frames: list[can.Message] = []

@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-import logging
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TypeAlias
 
-import cantools
 from can.util import dlc2len, len2dlc
-from cantools.database.can import Database, Message, Signal
+from cantools.database.can import Message, Signal
 
 from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
-from tactile_localizer.errors import CanError, listed
-
-# cantools logs errors that are raised below as one line.
-logging.getLogger("cantools").addHandler(logging.NullHandler())
+from tactile_localizer.errors import CanError
+from tactile_localizer.io.can.dbc import PhalanxMessages
 
 GAUGE_SIGNALS = tuple(f"gauge_{i + 1}" for i in range(DEFAULT_CHANNELS))
 """Default signal names of the gauge pairs."""
 
-VOLTS = {None: 1.0, "": 1.0, "V": 1.0, "mV": 1e-3, "uV": 1e-6, "µV": 1e-6}
-"""Factor from a gauge signal to V, by its unit in the DBC."""
+VOLTS = {None: 1.0, "": 1.0, "V": 1.0, "mV": 1e-3, "uV": 1e-6, "\u00b5V": 1e-6, "\u03bcV": 1e-6}
+"""Factor from a gauge signal to V, by its unit in the DBC; the last two have micro sign and Greek letter."""
 
-MAX_BYTES = 64
-"""Data bytes of the longest CAN FD frame."""
-
-PhalanxMessages: TypeAlias = tuple[tuple[Message, ...], ...]
+Gauges: TypeAlias = list[tuple[Message, Signal]]
 
 
 @dataclass(frozen=True)
@@ -86,62 +77,6 @@ class LoadCellMessage:
         return 1 << self.counter.length if self.counter else 0
 
 
-def load_dbc(path: str | Path) -> Database:
-    """Read a CAN database from a DBC file.
-
-    Raises
-    ------
-    CanError
-        The file cannot be read or is not a DBC.
-    """
-    try:
-        text = Path(path).read_text(encoding="cp1252", errors="replace")
-        database = cantools.database.load_string(text, database_format="dbc", prune_choices=False)
-    except (OSError, cantools.Error, UnicodeError, ValueError, KeyError, TypeError) as error:
-        strerror = getattr(error, "strerror", None)
-        reason = strerror or next(iter(str(error).splitlines()), type(error).__name__)
-        raise CanError(f"{path}: expected a DBC file, {reason}") from error
-    assert isinstance(database, Database)
-    return database
-
-
-def phalanx_messages(
-    database: Database, phalanges: Sequence[str], messages: Mapping[str, Sequence[str]]
-) -> PhalanxMessages:
-    """Messages of each phalanx: those listed in ``messages``, or else those named after the phalanx.
-
-    Messages of the phalanx ``index`` are ``index``, and ``index_`` with one letter or digit.
-
-    Raises
-    ------
-    CanError
-        A phalanx has no message, or a message belongs to two phalanges.
-    """
-    by_name = {message.name: message for message in database.messages}
-    found: dict[str, str] = {}
-    answer = []
-    for phalanx in phalanges:
-        pattern = re.compile(re.escape(phalanx) + "(_[A-Za-z0-9])?")
-        names = list(messages.get(phalanx, ())) or [name for name in by_name if pattern.fullmatch(name)]
-        if not names:
-            raise CanError(
-                f"phalanx {phalanx!r}: expected a message {phalanx} or {phalanx}_a, {phalanx}_b, ... in the "
-                f"DBC, or a list of its messages, found {listed(by_name) or 'no messages'}"
-            )
-        for name in names:
-            if name not in by_name:
-                raise CanError(
-                    f"phalanx {phalanx!r}: message {name!r} is not in the DBC, which has {listed(by_name)}"
-                )
-            if name in found:
-                raise CanError(
-                    f"message {name!r}: expected one phalanx, found {found[name]!r} and {phalanx!r}"
-                )
-            found[name] = phalanx
-        answer.append(tuple(by_name[name] for name in names))
-    return tuple(answer)
-
-
 def compile_layout(
     phalanges: Sequence[str], messages: PhalanxMessages, names: SignalNames
 ) -> tuple[tuple[LoadCellMessage, ...], ChannelLayout]:
@@ -151,22 +86,23 @@ def compile_layout(
     ------
     CanError
         A gauge is missing, duplicated, scaled by 0 or in a unit other than V, mV or uV; a counter is a
-        float; a message is multiplexed or longer than a frame; only some messages of a phalanx have a
+        float; a signal in use is multiplexed or has an empty range; only some messages of a phalanx have a
         counter; two messages share an identifier.
     """
     found: list[LoadCellMessage] = []
     counts: list[int] = []
     for index, (phalanx, definitions) in enumerate(zip(phalanges, messages, strict=True)):
-        gauges = _gauges_of(phalanx, definitions, names)
-        columns = {name: column for column, name in enumerate(gauges, start=sum(counts))}
+        gauges = list(enumerate(_gauges_of(phalanx, definitions, names), start=sum(counts)))
         counts.append(len(gauges))
         counter, status = (name.replace("{phalanx}", phalanx) for name in (names.counter, names.status))
         own = []
         for message in definitions:
-            _check_message(message)
             by_name = {signal.name: signal for signal in message.signals}
-            contained = {columns[name]: signal for name, signal in by_name.items() if name in columns}
+            contained = {column: signal for column, (of, signal) in gauges if of is message}
             own.append(LoadCellMessage(message, index, contained, by_name.get(counter), by_name.get(status)))
+            for signal in (*contained.values(), by_name.get(counter), by_name.get(status)):
+                if signal is not None:
+                    _check_signal(message, signal)
         if len({message.counter_span for message in own}) > 1:
             raise CanError(
                 f"phalanx {phalanx!r}: expected {counter!r} of one width in all of {_names(definitions)}, "
@@ -182,37 +118,54 @@ def compile_layout(
     return tuple(found), ChannelLayout(tuple(counts))
 
 
-def _gauges_of(phalanx: str, messages: Sequence[Message], names: SignalNames) -> list[str]:
-    """Names of the phalanx's gauges, up to the last one in its messages, but at least one."""
-    gauges = [name.replace("{phalanx}", phalanx) for name in names.gauges]
-    signals = [signal for message in messages for signal in message.signals]
-    last = max((gauges.index(signal.name) for signal in signals if signal.name in gauges), default=0)
-    for gauge in gauges[: last + 1]:
-        found = [signal for signal in signals if signal.name == gauge]
-        if len(found) != 1:
+def _gauges_of(phalanx: str, messages: Sequence[Message], names: SignalNames) -> Gauges:
+    """The phalanx's gauges, up to the last one in its messages, but at least one.
+
+    Names that each message has, as of the axes of a taxel, are those of the first message, the second, ...
+    """
+    wanted = [name.replace("{phalanx}", phalanx) for name in names.gauges]
+    signals = [(message, signal) for message in messages for signal in message.signals]
+    names_in = {
+        message.name: {signal.name for signal in message.signals}.intersection(wanted) for message in messages
+    }
+    first, *others = [own for own in names_in.values() if own] or [set()]
+    if others and all(own == first for own in others):
+        wanted = [f"{of}.{name}" for of, own in names_in.items() for name in wanted if name in own]
+    found: list[Gauges] = [
+        [(of, one) for of, one in signals if name in (one.name, f"{of.name}.{one.name}")] for name in wanted
+    ]
+    last = max((place for place, gauges in enumerate(found) if gauges), default=0)
+    for name, gauges in zip(wanted[: last + 1], found, strict=False):
+        if len(gauges) != 1:
             raise CanError(
-                f"phalanx {phalanx!r}: expected the signal {gauge!r} once in {_names(messages)}, "
-                f"found {len(found)}"
+                f"phalanx {phalanx!r}: expected the signal {name!r} once in {_names(messages)}, "
+                f"found {len(gauges)}" + ("; write MESSAGE.SIGNAL for one of them" if gauges else "")
             )
-        where = f"signal {gauge!r} of {_names(messages)}"
-        if found[0].unit not in VOLTS:
-            raise CanError(f"{where}: expected a unit of V, mV or uV, found {found[0].unit!r}")
-        if found[0].length > 64:
-            raise CanError(f"{where}: expected at most 64 bits, found {found[0].length}")
-        if not found[0].scale:
-            raise CanError(f"{where}: expected a scale other than 0, found 0")
-    return gauges[: last + 1]
+        where, gauge = f"signal {name!r} of {_names(messages)}", gauges[0][1]
+        if gauge.unit not in VOLTS:
+            raise CanError(f"{where}: expected a unit of V, mV or uV, found {gauge.unit!r}")
+        if gauge.length > 64:
+            raise CanError(f"{where}: expected at most 64 bits, found {gauge.length}")
+        if not gauge.scale or not math.isfinite(gauge.scale):
+            raise CanError(f"{where}: expected a scale other than 0, found {gauge.scale}")
+    return [gauges[0] for gauges in found[: last + 1]]
 
 
 def _names(messages: Sequence[Message]) -> str:
     return ", ".join(message.name for message in messages)
 
 
-def _check_message(message: Message) -> None:
-    if message.is_multiplexed():
-        raise CanError(f"message {message.name!r}: expected no multiplexed signals, found some")
-    if message.length > MAX_BYTES:
-        raise CanError(f"message {message.name!r}: expected at most {MAX_BYTES} bytes, got {message.length}")
+def _check_signal(message: Message, signal: Signal) -> None:
+    if signal.multiplexer_ids or signal.multiplexer_signal:
+        raise CanError(
+            f"signal {signal.name!r} of {message.name}: expected it in every frame, it is multiplexed"
+        )
+    lowest, highest = signal.minimum, signal.maximum
+    if lowest is not None and highest is not None and lowest >= highest and (lowest or highest):
+        raise CanError(
+            f"signal {signal.name!r} of {message.name}: expected a minimum below the maximum, found "
+            f"[{lowest}|{highest}]"
+        )
 
 
 def bits_of(signal: Signal) -> list[int]:
@@ -229,6 +182,7 @@ def range_of(signal: Signal) -> tuple[float, float]:
     ends = sorted(raw * signal.scale + signal.offset for raw in (least, least + (1 << signal.length) - 1))
     if signal.is_float:
         ends = [-math.inf, math.inf]
-    lowest = ends[0] if signal.minimum is None else max(ends[0], signal.minimum)
-    highest = ends[1] if signal.maximum is None else min(ends[1], signal.maximum)
+    lowest, highest = ends
+    if signal.minimum or signal.maximum:  # [0|0] is none
+        lowest, highest = max(lowest, signal.minimum or 0), min(highest, signal.maximum or 0)
     return lowest * volts, highest * volts

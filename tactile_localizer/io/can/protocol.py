@@ -10,14 +10,13 @@ from typing import Literal
 import can
 import numpy as np
 
+from tactile_localizer.io.can.dbc import read_messages
 from tactile_localizer.io.can.layout import (
     VOLTS,
     LoadCellMessage,
     SignalNames,
     bits_of,
     compile_layout,
-    load_dbc,
-    phalanx_messages,
     range_of,
 )
 from tactile_localizer.io.status import FAULT, SATURATED
@@ -70,7 +69,7 @@ class LoadCellProtocol:
         names: SignalNames | None = None,
     ) -> None:
         self.phalanges = tuple(phalanges)
-        definitions = phalanx_messages(load_dbc(path), phalanges, messages or {})
+        definitions = read_messages(path, phalanges, messages or {})
         self.messages, self.channels = compile_layout(self.phalanges, definitions, names or SignalNames())
         self.is_fd = any(message.length > 8 or message.definition.is_fd for message in self.messages)
         self._slots = {message.key: slot for slot, message in enumerate(self.messages)}
@@ -187,6 +186,9 @@ class LoadCellProtocol:
             if message.phalanx != phalanx:
                 continue
             values: dict[str, float] = {signal.name: 0 for signal in message.definition.signals}
+            for signal in message.definition.signals:
+                if signal.multiplexer_signal and signal.multiplexer_ids:
+                    values[signal.multiplexer_signal] = min(signal.multiplexer_ids)
             for column, gauge in message.gauges.items():
                 volts = np.clip(strain[column - first], self._lowest[column], self._highest[column])
                 values[gauge.name] = gauge.scaled_to_raw(float(volts / self._volts[column]))

@@ -169,10 +169,14 @@ def test_filters_pass_exactly_the_messages_in_use() -> None:
     assert passed == {(0x104, False), (0x105, False)}
 
 
-@pytest.mark.parametrize("gauge", ['(0.25,0) [-2048|2047.75] "mV"', '(250,0) [-2048000|2047750] "µV"'])
-def test_other_units_are_converted_to_volts(tmp_path: Path, gauge: str) -> None:
-    text = CLASSIC.replace('(0.00025,0) [-2.048|2.04775] "V"', gauge)
-    (tmp_path / "own.dbc").write_text(text, encoding="cp1252")  # as editors of DBCs write them
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig"])
+@pytest.mark.parametrize("unit", ["mV", "uV", "\u00b5V", "\u03bcV"])
+def test_other_units_are_converted_to_volts(tmp_path: Path, unit: str, encoding: str) -> None:
+    if unit == "\u03bcV" and encoding == "cp1252":
+        return  # which has no Greek letters
+    scaling = "(0.25,0) [-2048|2047.75]" if unit == "mV" else "(250,0) [-2048000|2047750]"
+    text = CLASSIC.replace('(0.00025,0) [-2.048|2.04775] "V"', f'{scaling} "{unit}"')
+    (tmp_path / "own.dbc").write_text(text, encoding=encoding)
     hand = LoadCellProtocol(tmp_path / "own.dbc", ["index"])
     np.testing.assert_allclose(strain_in(hand, hand.encode(0, np.full(8, 1.25), sequence=0)), 1.25)
 
@@ -202,6 +206,11 @@ FLOAT_COUNTER = """BO_ 16 index: 8 hand
 
 SIG_VALTYPE_ 16 counter : 1;
 """
+FLOATS_OF_ANOTHER = """BO_ 16 index: 8 hand
+ SG_ gauge_1 : 0|32@1- (1,0) [0|0] "mV" hand
+
+SIG_VALTYPE_ 17 gauge_1 : 1;
+"""
 BAD_DATABASES = {
     "no such file": (None, "expected a DBC file, No such file"),
     "not a DBC": ("gauges: 8\n", "expected a DBC file"),
@@ -213,13 +222,48 @@ BAD_DATABASES = {
     "one counter": (CLASSIC.replace("counter", "count", 3), "'counter' of one width in all"),
     "a float as counter": (HEAD + FLOAT_COUNTER, "expected an integer 'counter', found a float"),
     "one identifier": (CLASSIC.replace("BO_ 259", "BO_ 258"), "0x102: expected one message"),
+    "the identifier of an unused message": (
+        CLASSIC.replace("BO_ 260 ", "BO_ 258 "),
+        "0x102: expected one message in the DBC, found index_a, middle_a",
+    ),
+    "a name twice": (
+        CLASSIC.replace("middle_a", "index_a"),
+        "'index_a': expected it once in the DBC, found it with 0x102 and 0x104",
+    ),
+    "a counter twice": (
+        CLASSIC.replace("status :", "counter :"),
+        "'counter' of index_a: expected it once, found it 2 times",
+    ),
+    "overlapping signals": (
+        CLASSIC.replace("gauge_2 : 14", "gauge_2 : 10"),
+        "gauge_2 and gauge_1 are overlapping",
+    ),
+    "an empty range": (CLASSIC.replace("[-2.048|2.04775]", "[2|-2]"), r"below the maximum, found \[2\|-2\]"),
+    "floats of another message": (HEAD + FLOATS_OF_ANOTHER, "'gauge_1' of index.*found that of message 17"),
+    "an empty file": ("", "expected a DBC file, found no messages"),
     "80 bits": (
         CLASSIC.replace("gauge_1 : 0|14@1-", "gauge_1 : 0|80@1-"),
         "DBC file|'gauge_1' of index_a, index_b: expected at most 64 bits, found 80",
     ),
+    "a million bits": (
+        CLASSIC.replace("gauge_1 : 0|14", "gauge_1 : 0|1000000"),
+        "found 1000000 from bit 0",
+    ),
+    "a place far away": (
+        CLASSIC.replace("gauge_1 : 0|", "gauge_1 : 10000000000|"),
+        "found 14 from bit 10000000000",
+    ),
+    "a number of 5000 digits": (
+        CLASSIC.replace("gauge_1 : 0|14", "gauge_1 : 0|" + "9" * 5000),
+        "1 to 512 bits",
+    ),
+    "a frame of many bytes": (
+        CLASSIC.replace("index_a: 8", "index_a: 100000000"),
+        "at most 64 bytes, found 100000000",
+    ),
     "multiplexed": (
         CLASSIC.replace("gauge_1 :", "gauge_1 m0 :").replace("counter :", "counter M :"),
-        "no multiplexed signals",
+        "'gauge_1' of index_a: expected it in every frame, it is multiplexed",
     ),
 }
 
@@ -233,6 +277,101 @@ def test_unusable_databases_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(CanError, match=reason) as refusal:
         LoadCellProtocol(path, ["index"])
     assert "\n" not in str(refusal.value)
+
+
+FAULTS_OF_OTHERS = {
+    "overlapping signals": "BO_ 1 motor: 8 hand\n"
+    + "".join(f' SG_ {name} : 0|9@1- (1,0) [0|0] "" hand\n' for name in "ab"),
+    "a signal outside of its message": 'BO_ 1 motor: 2 hand\n SG_ a : 12|9@1- (1,0) [0|0] "" hand\n',
+    "a signal without bits": 'BO_ 1 motor: 2 hand\n SG_ a : 0|0@1- (1,0) [0|0] "" hand\n',
+    "a million bits": 'BO_ 1 motor: 2 hand\n SG_ a : 0|1000000@1- (1,0) [0|0] "" hand\n',
+    "many bytes": "BO_ 1 motor: 1000000000 hand\n",
+    "an identifier that is too long": "BO_ 419361280 motor: 8 hand\n",
+    "a name twice": "BO_ 1 motor: 8 hand\n\nBO_ 2 motor: 8 hand\n",
+    "an identifier twice": "BO_ 1 motor: 8 hand\n\nBO_ 1 engine: 8 hand\n",
+    "an empty range": 'BO_ 1 motor: 8 hand\n SG_ a : 0|8@1- (1,0) [9|1] "" hand\n',
+    "a syntax error": 'BO_ 1 motor: 8 hand\n SG_ a : 0|8@1 (1;0) [] "" hand\n',
+    "multiplexed values": "BO_ 1 motor: 8 hand\n\nSG_MUL_VAL_ 1 a b 0-4000000000;\n",
+    "a removed message": "SIG_VALTYPE_ 1 gauge_1 : 1;\n",
+    "a text": 'BO_ 1 motor: 8 hand\n\nCM_ "until 2020:\nBO_ 258 index_a: 4 hand\n";\n',
+    "a comment": "// BO_ 258 index_a: 4 hand\n",
+}
+
+
+@pytest.mark.parametrize("name", FAULTS_OF_OTHERS)
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_faults_in_messages_that_are_not_used_do_not_matter(tmp_path: Path, name: str, end: str) -> None:
+    (tmp_path / "robot.dbc").write_bytes(
+        (CLASSIC + "\n" + FAULTS_OF_OTHERS[name]).replace("\n", end).encode()
+    )
+    hand = LoadCellProtocol(tmp_path / "robot.dbc", ["index"])
+    strain = np.linspace(-1, 1, 8).round(3)
+    np.testing.assert_allclose(strain_in(hand, hand.encode(0, strain, sequence=0)), strain)
+
+
+BESIDE_TEMPERATURE = """BO_ 16 index: 8 hand
+ SG_ gauge_1 : 0|16@1- (0.001,0) [0|0] "V" hand
+ SG_ page M : 32|8@1+ (1,0) [0|0] "" hand
+ SG_ temperature m1 : 40|16@1- (0.1,0) [0|0] "degC" hand
+ SG_ serial_number m2 : 40|24@1+ (1,0) [0|0] "" hand
+
+SG_MUL_VAL_ 16 serial_number page 2-4000000000;
+"""
+
+
+def test_gauges_of_every_frame_are_read_beside_multiplexed_signals(tmp_path: Path) -> None:
+    hand = LoadCellProtocol(write(tmp_path / "own.dbc", HEAD + BESIDE_TEMPERATURE), ["index"])
+    frames = hand.encode(0, np.array([1.5]), sequence=0)
+    np.testing.assert_allclose(strain_in(hand, frames), 1.5)
+
+
+def taxels(count: int, axes: str = "xyz") -> str:
+    """A DBC with a message for each taxel, all of them with the same signals."""
+    lines = []
+    for taxel in range(count):
+        lines.append(f"BO_ {16 + taxel} index_{taxel}: 8 hand")
+        lines += [f' SG_ {axis} : {16 * i}|16@1- (0.001,0) [0|0] "V" hand' for i, axis in enumerate(axes)]
+    return HEAD + "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("gauges", "expected"),
+    [
+        (["x", "y", "z"], "0x 0y 0z 1x 1y 1z"),
+        (["z", "x"], "0z 0x 1z 1x"),
+        (["{phalanx}_1.x", "{phalanx}_0.x"], "1x 0x"),
+    ],
+)
+def test_signals_of_one_name_in_each_message_are_channels(
+    tmp_path: Path, gauges: list[str], expected: str
+) -> None:
+    hand = LoadCellProtocol(
+        write(tmp_path / "own.dbc", taxels(2)), ["index"], names=SignalNames(tuple(gauges))
+    )
+    found = {
+        column: f"{slot}{gauge.name}"
+        for slot, message in enumerate(hand.messages)
+        for column, gauge in message.gauges.items()
+    }
+    assert [found[column] for column in range(hand.channels.size)] == expected.split()
+    strain = np.arange(hand.channels.size) * 0.1
+    np.testing.assert_allclose(strain_in(hand, hand.encode(0, strain, sequence=0)), strain, atol=1e-9)
+
+
+def test_boards_of_one_kind_share_a_message(tmp_path: Path) -> None:
+    text = HEAD + 'BO_ 385 STRAIN: 4 hand\n SG_ gauge_1 : 0|16@1- (0.001,0) [0|0] "V" hand\n'
+    path = write(tmp_path / "board.dbc", text)
+    messages = {"thumb": ["STRAIN"], "index": ["STRAIN@0x182"], "middle": ["STRAIN@0x12345678"]}
+    hand = LoadCellProtocol(path, list(messages), messages)
+    assert [message.key for message in hand.messages] == [(0x181, False), (0x182, False), (0x12345678, True)]
+    for phalanx in range(3):
+        (frame,) = hand.encode(phalanx, np.array([1.5]), sequence=0)
+        assert hand.classify(frame)[1] == phalanx
+    for reference in ("STRAIN@", "STRAIN@x", "STRAIN@-1", "STRAIN@0x20000000"):
+        with pytest.raises(CanError, match=f"'{reference}': expected an identifier such as 0x182"):
+            LoadCellProtocol(path, ["index"], {"index": [reference]})
+    with pytest.raises(CanError, match=r"'STRAIN': expected one phalanx.*: STRAIN@0x182"):
+        LoadCellProtocol(path, ["thumb", "index"], {"thumb": ["STRAIN"], "index": ["STRAIN"]})
 
 
 def test_a_message_belongs_to_one_phalanx() -> None:
