@@ -128,6 +128,32 @@ def pair_recorded(
     return positions, found, sweep
 
 
+def describe_gaps(stamp_ns: np.ndarray, pose_ns: np.ndarray, max_gap_s: float) -> str:
+    """Why strain vectors have no pose close enough in time, in one line: another clock, or slow poses.
+
+    Parameters
+    ----------
+    stamp_ns, pose_ns : (n,) and (m,) stamps of the strain and of the poses, ns, at least one of each
+    max_gap_s : longest time between two poses across which is interpolated, s
+    """
+    (begin, end), (first, last) = ((each.min(), each.max()) for each in (stamp_ns, pose_ns))
+    if last < begin or first > end:
+        ahead_s = round((first - begin) / NANOSECONDS, 3)
+        way = "ahead of" if ahead_s > 0 else "behind"
+        ranges = "strain from {:.3f} to {:.3f} s, poses from {:.3f} to {:.3f} s"
+        seconds = (each / NANOSECONDS for each in (begin, end, first, last))
+        return (
+            f"the poses are {abs(ahead_s):.15g} s {way} the strain, another clock? {ranges.format(*seconds)}"
+        )
+    apart_s = float(np.median(np.abs(np.diff(pose_ns)))) / NANOSECONDS if len(pose_ns) > 1 else 0.0
+    if apart_s <= max_gap_s:
+        return ""
+    return (
+        f"the poses are {apart_s:.2g} s apart, and positions are interpolated across at most {max_gap_s:g} "
+        f"s: --max-gap {1.5 * apart_s:.2g} is right if the motion is smooth"
+    )
+
+
 @dataclass(frozen=True)
 class Pair(Generic[T]):
     """A strain vector with the palm position at its stamp.

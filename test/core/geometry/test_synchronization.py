@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from tactile_localizer.core.geometry.runs import LATE, runs_of
 from tactile_localizer.core.geometry.synchronization import (
     Pairing,
+    describe_gaps,
     interpolate_poses,
     near_bounds,
     pair_recorded,
@@ -219,3 +220,22 @@ def test_a_topic_that_does_not_jump_is_taken_along():
     np.testing.assert_array_equal(found, [pair.position is not None for pair in live + pairing.finish()])
     assert found[sweep == 1].mean() > 0.7
     assert not found[sweep == 0].any()
+
+
+def gaps(strain_s, pose_s):
+    stamps = (np.rint(np.multiply(each, 1e9)).astype(int) for each in (strain_s, pose_s))
+    return describe_gaps(*stamps, 0.1)
+
+
+def test_another_clock_is_named_with_both_ranges():
+    assert gaps([5.0, 6.5], [1005.0, 1006.0]) == (
+        "the poses are 1000 s ahead of the strain, another clock? strain from 5.000 to 6.500 s, "
+        "poses from 1005.000 to 1006.000 s"
+    )
+    assert gaps([7.0, 8.0], [3.9]).startswith("the poses are 3.1 s behind the strain")
+    assert gaps([7.0, 8.0], [6.95, 7.0]) == ""
+
+
+def test_slow_poses_are_named_with_the_option():
+    assert "the poses are 0.2 s apart" in gaps([0.0, 1.0], np.arange(0.0, 1.0, 0.2))
+    assert "--max-gap 0.3" in gaps([0.0, 1.0], np.arange(0.0, 1.0, 0.2))
