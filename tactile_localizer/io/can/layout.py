@@ -186,3 +186,19 @@ def range_of(signal: Signal) -> tuple[float, float]:
     if signal.minimum or signal.maximum:  # [0|0] is none
         lowest, highest = max(lowest, signal.minimum or 0), min(highest, signal.maximum or 0)
     return lowest * volts, highest * volts
+
+
+def saturation_of(signal: Signal) -> tuple[float, float]:
+    """Ends of the range at which a gauge is saturated, V; infinite where it may rest.
+
+    An unsigned signal rests at its raw zero, such as a taxel without contact. That is no saturation unless
+    0 V lies within the range (offset binary), or the DBC gives a narrower range.
+    """
+    lowest, highest = range_of(signal)
+    if not signal.is_signed and not signal.is_float:
+        rest = signal.offset * VOLTS[signal.unit]
+        if rest == lowest >= 0:
+            lowest = -math.inf
+        elif rest == highest <= 0:
+            highest = math.inf
+    return lowest, highest

@@ -18,6 +18,7 @@ from tactile_localizer.io.can.layout import (
     bits_of,
     compile_layout,
     range_of,
+    saturation_of,
 )
 from tactile_localizer.io.status import FAULT, SATURATED
 
@@ -106,6 +107,7 @@ class LoadCellProtocol:
         self._scale, self._offset = np.array([(float(one.scale), float(one.offset)) for one in own]).T
         self._volts = np.array([VOLTS[one.unit] for one in own])
         self._lowest, self._highest = np.array([range_of(one) for one in own]).T
+        self._below, self._above = np.array([saturation_of(one) for one in own]).T
         self._status_phalanx = [self.messages[slot].phalanx for _, slot in statuses]
 
     @property
@@ -157,7 +159,7 @@ class LoadCellProtocol:
                 raw[rows] = words[rows].view(kind)[:, 0]
             strain = (raw[: self.channels.size] * self._scale + self._offset) * self._volts
         status = np.zeros(len(self.phalanges), np.uint8)
-        saturated = (strain <= self._lowest) | (strain >= self._highest)
+        saturated = (strain <= self._below) | (strain >= self._above)
         if saturated.any():
             status[self.channels.phalanx[saturated]] |= SATURATED
         finite = np.isfinite(strain)

@@ -147,6 +147,28 @@ def test_the_range_of_the_dbc_is_that_of_the_amplifier(tmp_path: Path) -> None:
         assert hand.decode(data_of(hand, frames))[1].tolist() == [SATURATED]
 
 
+@pytest.mark.parametrize(
+    ("gauge", "raw", "saturated"),
+    [
+        ("0|8@1+ (1,0) [0|0]", 0, False),  # a taxel without contact
+        ("0|8@1+ (1,0) [0|255]", 0, False),
+        ("0|8@1+ (1,0) [0|255]", 255, True),
+        ("0|8@1+ (-1,0) [-255|0]", 0, False),
+        ("0|8@1+ (-1,0) [-255|0]", 255, True),
+        ("0|8@1+ (0.02,0.5) [0|0]", 0, False),  # a sensor whose zero is 0.5 V
+        ("0|8@1+ (1,0) [2|250]", 2, True),  # the DBC says so
+        ("0|8@1+ (0.01,-1.28) [0|0]", 0, True),  # offset binary rests in the middle
+        ("0|8@1+ (0.01,-1.28) [0|0]", 128, False),
+        ("0|8@1- (1,0) [0|0]", 128, True),
+        ("0|8@1- (1,0) [0|0]", 0, False),
+    ],
+)
+def test_rest_is_not_saturation(tmp_path: Path, gauge: str, raw: int, saturated: bool) -> None:
+    path = write(tmp_path / "own.dbc", f'{HEAD}BO_ 16 index: 1 hand\n SG_ gauge_1 : {gauge} "" hand\n')
+    status = LoadCellProtocol(path, ["index"]).decode(bytearray([raw]))[1]
+    assert status.tolist() == [SATURATED * saturated]
+
+
 def test_a_long_frame_is_padded_as_the_bus_does(tmp_path: Path) -> None:
     """CAN FD has no frames of 10 bytes."""
     gauge = 'BO_ 16 index: 10 hand\n SG_ gauge_1 : 64|16@1- (0.001,0) [0|0] "V" hand\n'
