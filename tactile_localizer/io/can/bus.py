@@ -28,6 +28,9 @@ logging.getLogger("can").addHandler(logging.NullHandler())
 FILTERING_INTERFACES = ("socketcan", "kvaser", "vector", "etas", "systec")
 """Interfaces of python-can that filter by identifier in the kernel or the adapter, as of version 4.6."""
 
+HOST_CLOCK_INTERFACES = ("socketcan", "udp_multicast")
+"""Interfaces of python-can whose stamps are the receive times of this machine's kernel."""
+
 _FD_MTU = 72
 """MTU of an interface with CAN FD, bytes; 16 without."""
 

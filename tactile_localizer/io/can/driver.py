@@ -25,6 +25,7 @@ from can.interfaces.socketcan import SocketcanBus
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.assembler import Cycle, CycleAssembler
 from tactile_localizer.io.can.bus import (
+    HOST_CLOCK_INTERFACES,
     AbsentBusError,
     BusSettings,
     Link,
@@ -33,6 +34,7 @@ from tactile_localizer.io.can.bus import (
     open_bus,
     receive_queue,
 )
+from tactile_localizer.io.can.clock import LONGEST_WAKEUP_S, SenderClock
 from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, read_error_frame
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.can.tare import tare_offset
@@ -53,9 +55,6 @@ RETRY_S = 0.1
 _POLL_PERIOD_S = 0.5
 """Period of reading the interface and its receive queue, s; diagnostics are published every second."""
 
-_EPOCH_TOLERANCE_S = 3600.0
-"""Difference from the system's clock from which stamps are those of an adapter's own clock, s."""
-
 
 @dataclass
 class BusStatus:
@@ -74,6 +73,7 @@ class BusStatus:
     queue_drops : frames that the kernel dropped because the queue was full
     link : interface of the kernel; ``None`` without one
     foreign : frames received by the interface since the last one that was delivered to the reader
+    clock : clock that stamps the frames; ``None`` if it is that of this machine's kernel
     """
 
     state: str = CLOSED
@@ -87,6 +87,7 @@ class BusStatus:
     queue_drops: int = 0
     link: Link | None = None
     foreign: int = 0
+    clock: SenderClock | None = None
 
 
 class LoadCellDriver:
@@ -125,7 +126,7 @@ class LoadCellDriver:
         max_age_s: float = 0.2,
     ) -> None:
         self.protocol, self.bus, self.max_age_s = protocol, bus, max_age_s
-        self.status = BusStatus()
+        self.status = BusStatus(clock=None if bus.interface in HOST_CLOCK_INTERFACES else SenderClock())
         self.offset = np.zeros(protocol.channels.size)
         self.read_ns, self.late_ns = time.time_ns(), 0
         self.assembler = CycleAssembler(protocol, period_s)
@@ -137,6 +138,8 @@ class LoadCellDriver:
         self._drops_before = 0  # of earlier buses
         self._next_poll_s = 0.0
         self._is_foreign = True  # whether no frame was read since the last poll
+        self._empty_s = 0.0  # system time at which the bus was last found empty
+        self._jumps_logged = 0  # of the sender's clock
 
     def start(self) -> None:
         """Start the thread, which opens the bus as soon as that is possible.
@@ -204,7 +207,7 @@ class LoadCellDriver:
         self.status.state = CLOSED
 
     def _read(self, bus: can.BusABC) -> None:
-        self._next_poll_s = 0.0
+        self._next_poll_s, self._empty_s = 0.0, time.time()
         wait_s = 0.0
         while not self._stop.is_set():
             messages = self._collect(bus, min(wait_s, LONGEST_WAIT_S))  # fails if the interface is down
@@ -215,6 +218,8 @@ class LoadCellDriver:
             for begin, end in pairwise([*starts, len(messages)]):
                 self._update_status(messages[begin:end])
                 wait_s = self._deliver(messages[begin:end])
+            if len(messages) == MAX_BATCH_FRAMES:
+                wait_s = 0.0  # the next frame has probably waited
 
     def _collect(self, bus: can.BusABC, wait_s: float) -> list[can.Message]:
         """The frames that wait, or the first one that is received within ``wait_s``."""
@@ -227,6 +232,7 @@ class LoadCellDriver:
         return messages
 
     def _receive(self, bus: can.BusABC, wait_s: float) -> can.Message | None:
+        asked_s = time.time()
         try:
             message = bus.recv(wait_s)
         except can.CanOperationError as error:
@@ -234,8 +240,13 @@ class LoadCellDriver:
                 raise
             self.status.unreadable += 1  # the bus works, but the message was not a frame
             return None
-        if message is not None and abs(time.time() - message.timestamp) > _EPOCH_TOLERANCE_S:
-            message.timestamp = time.time()  # instead of an adapter's clock, of unknown origin and rate
+        if message is None:
+            self._empty_s = asked_s + wait_s
+        elif self.status.clock is not None:
+            read_s = time.time()
+            if LONGEST_WAKEUP_S < read_s - asked_s < wait_s + LONGEST_WAKEUP_S:  # it waited for the frame
+                self._empty_s = read_s - LONGEST_WAKEUP_S
+            message.timestamp = self.status.clock.receipt_s(message.timestamp, self._empty_s, read_s)
         return message
 
     def _update_status(self, messages: list[can.Message]) -> None:
@@ -293,6 +304,10 @@ class LoadCellDriver:
         if link is not None and before is not None and self._is_foreign:
             self.status.foreign += max(0, link.received - before.received)
         self.status.link, self._is_foreign = link, True
+        clock = self.status.clock
+        if clock is not None and clock.jumps > self._jumps_logged:
+            self._jumps_logged = clock.jumps
+            self._log(f"clock of the sender: jumped by {clock.jump_s:+.3f} s")
         if link is None or link.is_up:
             self._set_open()
             self._set_controller((link and link.controller) or self.status.controller)

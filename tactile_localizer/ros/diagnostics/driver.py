@@ -9,6 +9,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from tactile_localizer.io.can.clock import SMALLEST_JUMP_S
 from tactile_localizer.io.can.driver import OPEN, LoadCellDriver
 from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, ERROR_PASSIVE
 from tactile_localizer.io.can.protocol import FrameKind
@@ -55,6 +56,7 @@ class DriverDiagnostics:
         phalanges = dict(zip(self._driver.protocol.phalanges, map(asdict, counts.phalanges), strict=True))
         totals: dict[Any, int] = {**frames, **dict(status.errors)}
         totals |= {"cycles": counts.cycles, "drops": status.queue_drops}
+        totals["clock jumps"] = status.clock.jumps if status.clock else 0
         for name, own in phalanges.items():
             totals |= {(name, what): count for what, count in own.items()}
         new = self._increments.since(totals)
@@ -80,12 +82,14 @@ class DriverDiagnostics:
             "bus_errors": ", ".join(f"{count} {kind}" for kind, count in dict(status.errors).items()),
             "cycles_per_s": f"{new['cycles'] / elapsed_s:.1f}",
             "queue_drops": status.queue_drops,
+            "clock_offset_s": f"{status.clock.offset_s:.3f}" if status.clock else "",
         }
         return self._publisher.status("CAN bus", *self._bus_level(new, received, late_s), values)
 
     def _bus_level(self, new: Mapping[Any, int], received: int, late_s: float) -> tuple[bytes, str]:
         """Level and message of the bus: an error, or all warnings since the previous status."""
         status, publishers = self._driver.status, self._strain_publishers()
+        clock = status.clock
         if status.state != OPEN:
             return DiagnosticStatus.ERROR, f"{status.state}: {status.error}"
         if publishers > 1:
@@ -104,10 +108,15 @@ class DriverDiagnostics:
             f"bus errors: {errors}": errors,
             status.controller: status.controller != ERROR_ACTIVE,
             f"idle: {foreign} frames {place}, none with an identifier of the DBC": foreign,
+            f"the sender's clock jumped by {clock.jump_s if clock else 0.0:+.3f} s": new["clock jumps"],
         }
         if any(warnings.values()):
             return DiagnosticStatus.WARN, "; ".join(text for text, holds in warnings.items() if holds)
-        return DiagnosticStatus.OK, "open" if received else "open, idle"
+        text = "open" if received else "open, idle"
+        if clock is not None and abs(clock.offset_s) > SMALLEST_JUMP_S:
+            side = "behind" if clock.offset_s > 0 else "ahead"
+            text += f"; the sender's clock is {abs(clock.offset_s):.1f} s {side}"
+        return DiagnosticStatus.OK, text
 
     def _phalanx_status(self, name: str, counts: dict[str, int], new: Mapping[Any, int]) -> DiagnosticStatus:
         new_of_phalanx = {what: new[name, what] for what in counts}

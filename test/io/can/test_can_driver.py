@@ -9,7 +9,7 @@ import can
 import msgpack
 import numpy as np
 import pytest
-from support.load_cells import cycle, protocol
+from support.load_cells import cycle, number_of, protocol
 from support.waiting import wait_until
 
 from tactile_localizer.io.can.assembler import Cycle
@@ -69,3 +69,28 @@ def test_frames_that_waited_too_long_are_late(unstarted: LoadCellDriver) -> None
     unstarted._deliver(cycle(HAND, 1, time.time_ns()))
     assert unstarted.counts.frames[FrameKind.LATE] == unstarted.counts.frames[FrameKind.DATA] == 4
     assert unstarted.late_ns >= 10**9
+
+
+@pytest.mark.parametrize("behind_s", [0.3, 2.0, 3600.0, -2.0])
+def test_a_sender_with_another_clock_is_not_late(behind_s: float) -> None:
+    cycles: list[Cycle] = []
+    driver = LoadCellDriver(HAND, BusSettings("virtual", "clock"), cycles.append, print, print)
+    driver.start()
+    with can.Bus(interface="virtual", channel="clock", preserve_timestamps=True) as gateway:
+
+        def sent_and_received() -> bool:
+            number = len(received_ns)
+            received_ns[number] = time.time_ns()
+            for frame in cycle(HAND, number, time.time_ns() - round(behind_s * 1e9)):
+                gateway.send(frame)
+            return len(cycles) > 20
+
+        received_ns: dict[int, int] = {}
+        wait_until(sent_and_received, "strain")
+    assert driver.stop()
+    assert driver.counts.frames[FrameKind.LATE] == 0
+    for one in cycles:
+        number = number_of(0, one.strain[:8])
+        assert abs(one.stamp_ns - received_ns[number]) < 10**8  # this machine may be busy
+    assert driver.status.clock is not None
+    assert driver.status.clock.offset_s == pytest.approx(behind_s, abs=0.05)
