@@ -17,5 +17,8 @@ setup(
     license=MANIFEST.findtext("license"),
     packages=[*find_packages(include=["tactile_localizer", "tactile_localizer.*"]), *DATA],
     package_dir=DATA,
-    package_data={"tactile_localizer": ["py.typed"], **{package: ["*", "*/*"] for package in DATA}},
+    package_data={
+        "tactile_localizer": ["py.typed", "offline/templates/*"],
+        **{package: ["*", "*/*"] for package in DATA},
+    },
 )

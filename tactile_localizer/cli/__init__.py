@@ -8,7 +8,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import importlib
 import keyword
 import os
@@ -17,7 +16,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tactile_localizer import __version__
-from tactile_localizer.errors import TactileLocalizerError
+from tactile_localizer.errors import TactileLocalizerError, did_you_mean
 
 COMMANDS: dict[str, str] = {
     "demo": "scan a simulated feature and localize on it with all ROS 2 nodes running",
@@ -114,8 +113,7 @@ class _Parser(argparse.ArgumentParser):
         try:
             super()._check_value(action, value)
         except argparse.ArgumentError as error:
-            similar = difflib.get_close_matches(str(value), map(str, action.choices or ()), 1)
-            suggestion = f"; did you mean {similar[0]}?" if similar else ""
+            suggestion = did_you_mean(str(value), map(str, action.choices or ()))
             raise argparse.ArgumentError(action, f"{error.message}{suggestion}") from None
 
 

@@ -105,3 +105,32 @@ def write_picture(path: Path, figure: Figure) -> None:
     with whole_file(path) as unfinished:
         figure.savefig(unfinished, dpi=_DPI)
     print(path)
+
+
+def require_report(path: Path, args: argparse.Namespace) -> None:
+    """Require that a report can be made and written.
+
+    Raises
+    ------
+    ParameterError, ScanError
+        As :func:`require_writable`.
+    ModuleNotFoundError
+        There is no jinja2 or matplotlib.
+    """
+    import jinja2  # noqa: F401 - takes a while, and only reports need it
+    import matplotlib  # noqa: F401 - as jinja2
+
+    require_writable(path, args)
+
+
+def write_report(path: Path, page: str) -> None:
+    """Write a report that appears only when it is complete, and print its path.
+
+    Raises
+    ------
+    ScanError
+        The file cannot be written.
+    """
+    with whole_file(path) as unfinished:
+        unfinished.write_text(page, encoding="utf-8")
+    print(path)

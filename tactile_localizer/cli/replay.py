@@ -10,7 +10,13 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import require_picture, require_writable, write_picture
+from tactile_localizer.cli.outputs import (
+    require_picture,
+    require_report,
+    require_writable,
+    write_picture,
+    write_report,
+)
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
@@ -52,6 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "write the summary and every estimate (-: to standard output, all else to standard error)"
     parser.add_argument("--json", type=Path, metavar="FILE", help=text)
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the error (*.png, *.pdf, *.svg)")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write a report to send (one HTML file)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -66,6 +73,8 @@ def _replay(args: argparse.Namespace, output: TextIO) -> int:
         require_writable(args.json, args)
     if args.plot is not None:
         require_picture(args.plot, args)
+    if args.report is not None:
+        require_report(args.report, args)
     scan, scene = scan_from_arguments(args)
     configuration = load_configuration(args.config, model=args.model, filter=args.filter)
     recording, odometry = odometry_from_arguments(args, scene, args.recordings)
@@ -87,9 +96,15 @@ def _replay(args: argparse.Namespace, output: TextIO) -> int:
     if args.plot is not None:
         from tactile_localizer.offline.figures.replay import replay_figure
 
-        write_picture(args.plot, replay_figure(scene, sweeps))
-    for line in filter(None, (*recording.notes, _misfit(scan, scene, recording))):
-        print(f"note: {printable(line)}")
+        write_picture(args.plot, replay_figure(scene, sweeps, configuration))
+    notes = [*map(printable, filter(None, (*recording.notes, _misfit(scan, scene, recording))))]
+    if args.report is not None:
+        from tactile_localizer.offline.report import replay_report
+
+        report = document, args.scan, scan, scene, localizer, recording, sweeps, notes
+        write_report(args.report, replay_report(*report))
+    for line in notes:
+        print(f"note: {line}")
     _print(document, args.scan)
     print(*verdict.notes, verdict, sep="\n")
     return 0 if verdict.success else 1

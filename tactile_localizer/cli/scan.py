@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import require_picture, write_picture
+from tactile_localizer.cli.outputs import require_picture, require_report, write_picture, write_report
 from tactile_localizer.errors import printable
 from tactile_localizer.io.recording import scan_of
 from tactile_localizer.io.scans.folder import DROPPED, ScanFolder
@@ -20,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(required=True, metavar="ACTION")
     info = actions.add_parser("info", help="totals, history, and findings that need attention")
     info.set_defaults(work=_info)
+    info.add_argument("--report", type=Path, metavar="FILE", help="write a report to send (one HTML file)")
     plot = actions.add_parser("plot", help="draw the sweeps and the tactile map")
     plot.set_defaults(work=_plot)
     text = "folder (default out/plot)"
@@ -35,6 +36,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _info(args: argparse.Namespace) -> int:
+    if args.report is not None:
+        require_report(args.report, args)
     folder = ScanFolder(args.scan)
     scene, recording = folder.scene, folder.recording()
     sweeps = recording.sweeps
@@ -53,9 +56,13 @@ def _info(args: argparse.Namespace) -> int:
     for entry in folder.history():
         details = [f"{key} {value}" for key, value in entry.items() if value and key not in ("at", "what")]
         lines.append(f"  history    {entry['at']} {entry['what']}: {', '.join(details)}")
-    lines.append("findings:" if recording.notes or found else "no findings")
-    for line in (*lines, *(f"  {each}" for each in (*recording.notes, *found))):
-        print(printable(line))
+    lines, found = [*map(printable, lines)], [*map(printable, (*recording.notes, *found))]
+    print(*lines, "findings:" if found else "no findings", *(f"  {each}" for each in found), sep="\n")
+    if args.report is not None:
+        from tactile_localizer.offline.report import scan_report
+
+        page = scan_report(args.scan, scan_of(recording, scene), scene, recording, lines, found)
+        write_report(args.report, page)
     return 0
 
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import convergence_criteria
+from tactile_localizer.core.hypotheses.convergence import ConvergenceCriteria
 from tactile_localizer.offline.axes import describe_sizes
-from tactile_localizer.offline.metrics import deviation
+from tactile_localizer.offline.metrics import deviation, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.scene import Scene
 
@@ -87,11 +88,10 @@ def judge(
             continue
         expected += 1
         never += not converges
-        error = np.abs(np.nan_to_num(deviation(scene, sweep))) * sweep.converged[:, None]
-        relative = np.square(error / criteria.radius).sum(axis=1)
+        relative = relative_error(scene, sweep, criteria)
         if (relative > 1.0).any():
             wrong += 1
-            worst = describe_sizes(scene, error[relative.argmax()])
+            worst = describe_sizes(scene, np.abs(deviation(scene, sweep)[relative.argmax()]))
             notes.append(f"sweep {sweep.number} was converged to a wrong position, off by {worst}")
         elif _is_converged_at_an_end(sweep):
             right += 1
@@ -99,6 +99,32 @@ def judge(
             notes.append(f"sweep {sweep.number} {_reason(sweep)}")
     has_truth = any(sweep.truth is not None for sweep in sweeps)
     return Verdict(len(sweeps), expected, right, wrong, early, never, has_truth, tuple(notes))
+
+
+def relative_error(scene: Scene, sweep: ReplayedSweep, criteria: ConvergenceCriteria) -> np.ndarray:
+    """Error while converged by the convergence radius, (n,); more than 1 is wrong, 0 also where unknown."""
+    error = np.nan_to_num(deviation(scene, sweep)) * sweep.converged[:, None]
+    return np.linalg.norm(error / criteria.radius, axis=1)
+
+
+def worst_sweep(
+    scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Configuration | None = None
+) -> int | None:
+    """Index of the sweep of the largest wrong claim, else one that is not right, else the last to converge.
+
+    Parameters
+    ----------
+    scene, sweeps, configuration : as for :func:`judge`
+    """
+    criteria = convergence_criteria(scene, configuration or Configuration())
+
+    def badness(index: int) -> tuple[float, ...]:
+        sweep = sweeps[index]
+        verdict, error = judge(scene, [sweep], configuration), relative_error(scene, sweep, criteria).max()
+        arrived = travel_from_contact(sweep)[sweep.converged][:1].sum()
+        return verdict.wrong * error, verdict.expected - verdict.right, verdict.right, arrived
+
+    return max((index for index, sweep in enumerate(sweeps) if len(sweep)), key=badness, default=None)
 
 
 def _is_converged_at_an_end(sweep: ReplayedSweep) -> bool:

@@ -99,6 +99,9 @@ def test_a_closed_pipe_ends_the_command_quietly() -> None:
         ("replay a.csv --scan none --plot file/a.png", "file/a.png: could not be written, Not a directory"),
         ("replay a.csv --scan none --plot a.png", "a.png: could not be written, Is a directory"),
         ("replay a.csv --scan none --json a.png", "a.png: could not be written, Is a directory"),
+        ("replay a.csv --scan none --report a.png", "a.png: could not be written, Is a directory"),
+        ("scan info none --report file/a", "file/a: could not be written, Not a directory"),
+        ("scan info file --report file", "file: expected another file than the inputs, found it in file"),
         ("tradeoff a.csv --scan none -o file", "file/tradeoff.png: could not be written, Not a directory"),
         ("replay a.csv --scan none --plot b.png", "none: expected a scan folder"),
         ("tradeoff a.csv --scan none --target-mm 0", "--target-mm: expected a positive number, got 0"),
@@ -192,7 +195,7 @@ def test_a_seed_that_is_no_number_is_refused(command, seed, capsys: pytest.Captu
 def test_a_misspelled_word_has_a_suggestion(typed: str, meant: str, capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit, match="2"):
         cli.main(typed.split())
-    assert capsys.readouterr().err.endswith(f"; did you mean {meant}?\n")
+    assert capsys.readouterr().err.endswith(f" (did you mean {meant}?)\n")
 
 
 def test_a_word_that_resembles_none_has_no_suggestion(capsys: pytest.CaptureFixture) -> None:

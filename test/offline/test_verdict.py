@@ -10,7 +10,7 @@ import pytest
 from support.replays import SHEET, replayed
 
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.offline.verdict import judge
+from tactile_localizer.offline.verdict import judge, worst_sweep
 from tactile_localizer.scene import Axis
 
 OFF = 0.0262
@@ -67,3 +67,16 @@ def test_a_wrong_yaw_is_a_wrong_position() -> None:
     turned = replayed([[0.0, 2 * math.pi - 0.1], [0.0, 0.3]], converged=[True, True])
     assert judge(scene, [turned]).wrong == 1
     assert judge(scene, [turned], Configuration(convergence_yaw_radius=0.4)).success
+
+
+def test_the_worst_sweep_is_wrong_else_not_right_else_the_last_to_converge() -> None:
+    soon = replayed(np.zeros((10, 2)), converged=LATE, **TOUCHES)
+    late = replayed(np.zeros((10, 2)), converged=np.arange(10) >= 6, **TOUCHES)
+    blank, empty = replayed(np.zeros((10, 2)), **NONE), replayed(np.empty((0, 2)))
+    never = replayed(np.zeros((10, 2)), **TOUCHES)
+    off = replayed(np.full((10, 2), OFF), converged=LATE, **TOUCHES)
+    farther = replayed(np.full((10, 2), 2 * OFF), converged=LATE, **TOUCHES)
+    sweeps = [blank, soon, late, never, off, farther]
+    for count in range(1, len(sweeps) + 1):
+        assert worst_sweep(SHEET, [*sweeps[:count], empty]) == count - 1
+    assert worst_sweep(SHEET, [empty]) is None

@@ -1,4 +1,4 @@
-"""Picture of a replay: error and standard deviation along the travel of each sweep."""
+"""Figures of a replay: error and standard deviation along the travel, and where the sweeps converge."""
 
 from __future__ import annotations
 
@@ -6,36 +6,101 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 
-from tactile_localizer.offline.axes import MM
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import convergence_criteria
+from tactile_localizer.offline.axes import MM, axis_label, display_units
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
+from tactile_localizer.offline.verdict import relative_error
 from tactile_localizer.scene import Scene
 
+SEARCHING, CONVERGED, WRONG = "0.7", "tab:green", "tab:red"
+"""Colours of estimates by what they claim."""
 
-def replay_figure(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> Figure:
-    """Error (if the truth is known) and standard deviation of the position; green while converged.
+
+def replay_figure(
+    scene: Scene,
+    sweeps: Sequence[ReplayedSweep],
+    configuration: Configuration,
+    size_in: tuple[float, float] = (8.0, 6.0),
+) -> Figure:
+    """Error (if the truth is known) and standard deviation of the position, coloured while converged.
 
     Parameters
     ----------
     scene : scene of the localizer
     sweeps : estimates, one sweep per sweep
+    configuration : gives the radius beyond which a converged estimate is wrong
+    size_in : width and height, inches
     """
     lengths = [index for index, axis in enumerate(scene.axes) if axis.name != "yaw"]
-    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    figure = Figure(figsize=size_in, layout="constrained")
     plots = figure.subplots(2, 1, sharex=True)
+    criteria = convergence_criteria(scene, configuration)
     for sweep in sweeps:
+        wrong = relative_error(scene, sweep, criteria) > 1.0
         travel = MM * travel_from_contact(sweep)
         variances = np.diagonal(sweep.covariance, axis1=1, axis2=2)[:, lengths]
         rows = MM * position_error(scene, sweep), MM * np.sqrt(variances.sum(axis=1))
         for plot, values in zip(plots, rows, strict=True):
-            plot.plot(travel, values, color="0.7", linewidth=0.8)
-            plot.plot(travel, np.where(sweep.converged, values, np.nan), color="tab:green", linewidth=1.2)
-    has_contact = any(sweep.contact[0] >= 0 for sweep in sweeps)
-    titles = ("error, mm (green: converged)", "standard deviation, mm")
+            plot.plot(travel, values, color=SEARCHING, linewidth=0.8)
+            for claim, colour in ((sweep.converged, CONVERGED), (wrong, WRONG)):
+                plot.plot(travel, np.where(claim, values, np.nan), color=colour, linewidth=1.2)
+    titles = ("error, mm (green: converged; red: wrong)", "standard deviation, mm")
     for plot, title in zip(plots, titles, strict=True):
         plot.set_ylabel(title)
         plot.set_ylim(bottom=0.0)
         plot.grid(alpha=0.3)
-    plots[1].set_xlabel(f"travel from {'contact' if has_contact else 'the start'}, mm")
+    plots[1].set_xlabel(travel_label(sweeps))
     return figure
+
+
+def paths_figure(
+    scene: Scene,
+    sweeps: Sequence[ReplayedSweep],
+    configuration: Configuration,
+    size_in: tuple[float, float] = (8.0, 8.0),
+) -> Figure:
+    """Where the palm was along each sweep, by what the estimate claimed there; a dot where a sweep begins.
+
+    Where the truth is unknown, the converged estimates are shown. On one axis sweeps lie side by side.
+
+    Parameters
+    ----------
+    scene, sweeps, configuration, size_in : as for :func:`replay_figure`
+    """
+    figure = Figure(figsize=size_in, layout="constrained")
+    plot = figure.subplots()
+    criteria = convergence_criteria(scene, configuration)
+    for order, sweep in enumerate(sweeps):
+        wrong = relative_error(scene, sweep, criteria) > 1.0
+        places = sweep.mean if sweep.truth is None else sweep.truth
+        x = display_units(scene.axis_names[0], places[:, 0])
+        y = np.full(len(sweep), float(order))
+        if scene.dimension > 1:
+            y = display_units(scene.axis_names[1], places[:, 1])
+        if sweep.truth is not None:
+            plot.plot(x, y, color=SEARCHING, lw=1.0, zorder=1)
+            plot.plot(x[:1], y[:1], "o", color=SEARCHING, ms=3, zorder=1)
+        for claim, colour in ((sweep.converged, CONVERGED), (wrong, WRONG)):
+            plot.plot(x, np.where(claim, y, np.nan), color=colour, lw=2.0)
+    plot.set_xlabel(axis_label(scene.axis_names[0]))
+    plot.set_ylabel(axis_label(scene.axis_names[1]) if scene.dimension > 1 else "sweep")
+    if scene.dimension > 1:
+        corners = [display_units(axis.name, np.array([axis.lower, axis.upper])) for axis in scene.axes[:2]]
+        (left, right), (low, high) = corners
+        plot.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ec="0.8", zorder=0))
+        plot.set_aspect("auto" if "yaw" in scene.axis_names[:2] else "equal")
+    claims = {"not converged": SEARCHING, "converged": CONVERGED, "converged, wrong": WRONG}
+    handles = [Line2D([], [], color=colour, lw=2.0, label=name) for name, colour in claims.items()]
+    figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False)
+    return figure
+
+
+def travel_label(sweeps: Sequence[ReplayedSweep]) -> str:
+    """Label of an axis of :func:`.travel_from_contact`."""
+    has_contact = any(sweep.contact[0] >= 0 for sweep in sweeps)
+    return f"travel from {'contact' if has_contact else 'the start'}, mm"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib import colormaps
@@ -17,18 +18,28 @@ from tactile_localizer.offline.axes import MM, axis_label, display_units, litera
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 _COLOURS = "RdBu_r"
+_STRENGTH = "magma_r"
 _NO_DATA = "0.82"
-_COLUMNS = 5
-"""Most plots beside each other."""
+SIZE_IN = 3.2
+"""Width and height of a map, inches."""
+COLUMNS = 5
+"""Most maps beside each other."""
 
 MAX_CHANNELS = 48
 """Channels of a phalanx shown at most."""
 
 
-def scan_figures(scan: Scan, scene: Scene, unit: str = "V") -> dict[str, Figure]:
+def scan_figures(
+    scan: Scan,
+    scene: Scene,
+    unit: str = "V",
+    columns: int = COLUMNS,
+    size_in: float = SIZE_IN,
+    most_channels: int = MAX_CHANNELS,
+) -> dict[str, Figure]:
     """A figure ``map_<phalanx>`` for each phalanx of a scan, by the name of its file.
 
-    It has all channels of the phalanx, or the :data:`MAX_CHANNELS` that vary most. On one axis it shows
+    It has all channels of the phalanx, or those that vary most. On one axis it shows
     every sweep, and the map in black; on two, the paths of the sweeps, and the map in one colour scale.
 
     Parameters
@@ -36,19 +47,74 @@ def scan_figures(scan: Scan, scene: Scene, unit: str = "V") -> dict[str, Figure]
     scan : the pairs
     scene : its bounds and phalanges; its feature's region is outlined
     unit : of the strain
+    columns, size_in : most maps beside each other, and the width and height of each, inches
+    most_channels : channels of a phalanx shown at most
+    """
+    tactile_map, figures = make_map(scan, scene), {}
+    for name in scan.phalanges:
+        channels = _shown_channels(tactile_map, name, most_channels)
+        if len(tactile_map.axes) == 1:
+            figure = _profiles(scan, tactile_map, unit, name, channels, columns * size_in)
+        else:
+            figure = _maps(scan, tactile_map, unit, name, channels, columns, size_in)
+        figures[f"map_{name}"] = figure
+    return figures
+
+
+def signal_figures(
+    scan: Scan, scene: Scene, unit: str = "V", size_in: tuple[float, float] = (5.0, 4.4)
+) -> dict[str, Figure]:
+    """How far the strain of each phalanx is from that of featureless material: what a scan distinguishes.
+
+    The signal is the root mean square over the channels. There is a figure for each phalanx, or on one axis
+    for all.
+
+    Parameters
+    ----------
+    scan, scene, unit : as for :func:`scan_figures`
+    size_in : width and height of a figure, inches
     """
     tactile_map = make_map(scan, scene)
-    draw = _profiles if len(tactile_map.axes) == 1 else _maps
-    return {f"map_{phalanx}": draw(scan, tactile_map, unit, phalanx) for phalanx in scan.phalanges}
+    names, axes = scene.phalanx_names, tactile_map.axes
+    signals = [np.sqrt(np.mean(tactile_map.phalanx(name) ** 2, axis=-1)) for name in names]
+    figures = {}
+    if len(axes) == 1:
+        figure = figures["signal"] = Figure(figsize=size_in, layout="constrained")
+        plot = figure.subplots()
+        for name, signal in zip(names, signals, strict=True):
+            plot.plot(display_units(axes[0], tactile_map.nodes[0]), signal, label=literal(name))
+        plot.set(xlabel=axis_label(axes[0]), ylabel=literal(f"signal, {unit}"), ylim=(0, None))
+        plot.legend(frameon=False)
+        return figures
+    x, y = map(display_units, axes, tactile_map.nodes)
+    limit = float(np.nanmax(signals)) or 1.0
+    for name, signal in zip(names, signals, strict=True):
+        figure = figures[f"signal_{name}"] = Figure(figsize=size_in, layout="constrained")
+        plot = figure.subplots()
+        plot.set_facecolor(_NO_DATA)
+        shown = np.ma.masked_invalid(signal.T)
+        mesh = plot.pcolormesh(x, y, shown, cmap=_STRENGTH, vmin=0, vmax=limit, rasterized=True)
+        plot.set(title=literal(name), xlabel=axis_label(axes[0]), ylabel=axis_label(axes[1]))
+        plot.set_aspect("auto" if "yaw" in axes else "equal")
+        figure.colorbar(mesh, label=literal(f"signal, {unit}"), shrink=0.9)
+    return figures
 
 
-def _maps(scan: Scan, tactile_map: TactileMap, unit: str, phalanx: str) -> Figure:
-    """The paths of the sweeps, and the map of each channel of a phalanx."""
-    channels = _shown_channels(tactile_map, phalanx)
+def _maps(
+    scan: Scan,
+    tactile_map: TactileMap,
+    unit: str,
+    phalanx: str,
+    channels: Sequence[int],
+    columns: int,
+    size_in: float,
+) -> Figure:
+    """The paths of the sweeps, and the maps of channels of a phalanx."""
     count = 1 + len(channels)
-    columns = min(_COLUMNS, count)
+    columns = min(columns, count)
     rows = math.ceil(count / columns)
-    figure = Figure(figsize=(2.0 + 3.2 * columns, 1.4 + 3.2 * rows), layout="compressed")
+    size = 0.6 * size_in + size_in * columns, 0.4 * size_in + size_in * rows
+    figure = Figure(figsize=size, layout="compressed")
     plots = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for place, plot in enumerate(plots.flat):
         if place >= count:
@@ -58,7 +124,7 @@ def _maps(scan: Scan, tactile_map: TactileMap, unit: str, phalanx: str) -> Figur
             _draw_sweeps(plot, scan)
         else:
             colours = _draw_channel(plot, tactile_map, phalanx, channels[place - 1])
-            plot.set_title(f"channel {channels[place - 1] + 1}", fontsize=10)
+            plot.set_title(f"channel {channels[place - 1] + 1}", fontsize="medium")
         plot.set_aspect("auto" if "yaw" in tactile_map.axes else "equal")
         if place + columns >= count:
             plot.set_xlabel(axis_label(tactile_map.axes[0]))
@@ -71,11 +137,12 @@ def _maps(scan: Scan, tactile_map: TactileMap, unit: str, phalanx: str) -> Figur
     return figure
 
 
-def _profiles(scan: Scan, tactile_map: TactileMap, unit: str, phalanx: str) -> Figure:
-    """The channels of a phalanx along the only axis of the scene: every sweep, and the map in black."""
+def _profiles(
+    scan: Scan, tactile_map: TactileMap, unit: str, phalanx: str, channels: Sequence[int], width_in: float
+) -> Figure:
+    """Channels of a phalanx along the only axis of the scene: every sweep, and the map in black."""
     scene = tactile_map.scene
-    channels = _shown_channels(tactile_map, phalanx)
-    figure = Figure(figsize=(13, 1 + 1.25 * len(channels)), layout="constrained")
+    figure = Figure(figsize=(width_in, 1 + 1.25 * len(channels)), layout="constrained")
     plots = figure.subplots(len(channels), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     axis = tactile_map.axes[0]
     nodes = display_units(axis, tactile_map.nodes[0])
@@ -109,7 +176,9 @@ def _draw_channel(plot: Axes, tactile_map: TactileMap, phalanx: str, channel: in
     limit = float(np.nanpercentile(signal, 99.8)) or 1.0
     values = tactile_map.phalanx(phalanx)[..., channel].T
     plot.set_facecolor(_NO_DATA)
-    mesh = plot.pcolormesh(x, y, np.ma.masked_invalid(values), cmap=_COLOURS, vmin=-limit, vmax=limit)
+    mesh = plot.pcolormesh(
+        x, y, np.ma.masked_invalid(values), cmap=_COLOURS, vmin=-limit, vmax=limit, rasterized=True
+    )
     if scene.feature is not None and "yaw" not in tactile_map.axes:  # with a yaw it is no rectangle
         limits = _palm_limits(scene.feature, _phalanx(scene, phalanx), scene)
         lower, upper = (MM * limit[:2] for limit in limits)
@@ -117,10 +186,10 @@ def _draw_channel(plot: Axes, tactile_map: TactileMap, phalanx: str, channel: in
     return mesh
 
 
-def _shown_channels(tactile_map: TactileMap, phalanx: str) -> list[int]:
-    """Channels of a phalanx, from 0: all, or the :data:`MAX_CHANNELS` that vary most."""
+def _shown_channels(tactile_map: TactileMap, phalanx: str, most: int) -> list[int]:
+    """Channels of a phalanx, from 0: all, or the ``most`` that vary most."""
     spread = np.nan_to_num(tactile_map.phalanx(phalanx)[tactile_map.covered]).std(axis=0)
-    return sorted(np.argsort(-spread, kind="stable")[:MAX_CHANNELS].tolist())
+    return sorted(np.argsort(-spread, kind="stable")[:most].tolist())
 
 
 def _draw_sweeps(plot: Axes, scan: Scan) -> None:
@@ -131,7 +200,7 @@ def _draw_sweeps(plot: Axes, scan: Scan) -> None:
         x, y = (display_units(axis, states[:, column]) for column, axis in enumerate(scan.axes[:2]))
         plot.plot(x, y, color=colour, linewidth=1.0)
         plot.plot(x[:1], y[:1], "o", color=colour, markersize=4)
-    plot.set_title(f"{len(numbers)} sweeps, {len(scan)} pairs", fontsize=10)
+    plot.set_title(f"{len(numbers)} sweeps, {len(scan)} pairs", fontsize="medium")
 
 
 def _palm_limits(region: Region, phalanx: Phalanx, scene: Scene) -> tuple[np.ndarray, np.ndarray]:

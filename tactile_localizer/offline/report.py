@@ -1,0 +1,400 @@
+"""Reports to send: a replay, or a scan, as one HTML file that loads nothing from elsewhere."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import matplotlib as mpl
+import numpy as np
+import scipy
+import yaml
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from tactile_localizer import __version__
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import convergence_criteria
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.errors import MeasurementError, listed
+from tactile_localizer.io.recording import RecordedSweep, Recording
+from tactile_localizer.io.scene_file import scene_to_dict
+from tactile_localizer.offline.axes import MM, describe_sizes
+from tactile_localizer.offline.figures.belief import belief_figure, progress_figure
+from tactile_localizer.offline.figures.replay import paths_figure, replay_figure
+from tactile_localizer.offline.figures.svg import PAGE_STYLE, inline_svg
+from tactile_localizer.offline.figures.tactile_map import scan_figures, signal_figures
+from tactile_localizer.offline.metrics import position_error, travel_from_contact
+from tactile_localizer.offline.replay import ReplayedSweep
+from tactile_localizer.offline.verdict import judge, relative_error, worst_sweep
+from tactile_localizer.scene import Scene
+
+_WIDTH_IN = 4.7
+"""Width of a figure, inches: two beside each other on a desk, one at nearly its size on a telephone."""
+_MAP_COLUMNS = 3
+"""Maps of channels beside each other."""
+_CHANNELS = 15
+"""Most channels of a phalanx whose maps are shown."""
+_NOTES = 12
+"""Most notes beside the verdict."""
+_MOMENTS = 4
+"""Moments of the worst sweep at which its belief is shown."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a report: paragraphs, then figures, a table and text as it is in a file.
+
+    Parameters
+    ----------
+    title : heading
+    lines : paragraphs
+    figures : SVG elements with their captions
+    columns : headings of the table; empty: none
+    numbers : those of them whose cells are numbers
+    rows : ``good``, ``bad`` or ``""``, and the cells of a row, the first its heading
+    code : text whose lines and spaces are kept
+    folded : parts that the reader opens
+    """
+
+    title: str
+    lines: Sequence[str] = ()
+    figures: Sequence[tuple[Markup, str]] = ()
+    columns: Sequence[str] = ()
+    numbers: Sequence[str] = ()
+    rows: Sequence[tuple[str, Sequence[str]]] = ()
+    code: str = ""
+    folded: Sequence[Section] = ()
+
+
+def replay_report(
+    document: Mapping[str, Any],
+    scan_name: str,
+    scan: Scan,
+    scene: Scene,
+    localizer: Localizer,
+    recording: Recording,
+    sweeps: Sequence[ReplayedSweep],
+    notes: Sequence[str],
+) -> str:
+    """The report of a replay, HTML.
+
+    Parameters
+    ----------
+    document : what :func:`~.replay_document.replay_document` made of it
+    scan_name : path of the scan
+    scan, scene : pairs of the map and their scene
+    localizer : that of the replay; it localizes the worst sweep again
+    recording, sweeps : what was replayed, and the estimates
+    notes : lines about the recording that need attention
+    """
+    verdict, configuration = document["verdict"], document["configuration"]
+    radius = describe_sizes(scene, convergence_criteria(scene, configuration).radius)
+    explained = (
+        "Right: converged at the end of the contact or of the sweep, and never converged farther from the "
+        f"truth than {radius}."
+    )
+    sections = [
+        _map(scan, scene, recording),
+        _sweeps(scene, sweeps, configuration),
+        *_worst_sweep(scene, sweeps, recording, localizer, configuration),
+        _settings(document, scan_name, scene, localizer),
+    ]
+    return _page(
+        kind="Replay of a recording",
+        title=f"{_names(document['recording']['source'])} on {_names(scan_name)}",
+        good=verdict["success"],
+        verdict=_sentence(str(judge(scene, sweeps, configuration))),
+        explained=[explained] if verdict["has_truth"] else [],
+        notes=_first([*notes, *verdict["notes"]]),
+        tiles=_tiles(document),
+        sections=sections,
+    )
+
+
+def scan_report(
+    scan_name: str,
+    scan: Scan,
+    scene: Scene,
+    recording: Recording,
+    totals: Sequence[str],
+    found: Sequence[str],
+) -> str:
+    """The report of a scan, HTML.
+
+    Parameters
+    ----------
+    scan_name : path of the scan
+    scan, scene, recording : its pairs, scene and sweeps
+    totals : lines of ``scan info``
+    found : findings that need attention
+    """
+    return _page(
+        kind="Scan of a material",
+        title=_names(scan_name),
+        good=not found,
+        verdict=f"{len(found)} findings" if len(found) > 1 else "One finding" if found else "No findings",
+        explained=[],
+        notes=found,
+        tiles=[
+            (f"{len(scan):,}", "pairs of position and strain"),
+            (str(len(scan.sweep_numbers)), "sweeps"),
+            (str(scan.layout.size), f"channels on {len(scan.phalanges)} phalanges"),
+        ],
+        sections=[
+            _map(scan, scene, recording),
+            Section(
+                "Scan and versions",
+                code="\n".join(totals),
+                folded=[Section("Scene", code=_yaml(scene_to_dict(scene)))],
+                rows=_versions(),
+            ),
+        ],
+    )
+
+
+def _page(**values: Any) -> str:
+    """The page of the template, made now."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("tactile_localizer.offline"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
+    return environment.get_template("report.html").render(values, version=__version__, made=made)
+
+
+def _tiles(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The figures that a reader looks for first, with what they are."""
+    summary, verdict, timing = document["summary"], document["verdict"], document["timing"]
+    outcome = "right" if verdict["has_truth"] else "converged"
+    tiles = [(f"{verdict['right']} of {verdict['expected']}", f"sweeps {outcome}")]
+    if verdict["has_truth"]:
+        tiles.append((str(verdict["wrong"]), "sweeps ever wrong"))
+    error, arrived = summary["error_converged_m"], summary["travel_to_convergence_m"]
+    if error["count"]:
+        largest = f"error while converged, median; {error['max'] * MM:.1f} mm at most"
+        tiles.append((f"{error['median'] * MM:.1f} mm", largest))
+    if arrived["count"]:
+        place = "contact" if summary["contacts"] else "the start"
+        tiles.append((f"{arrived['median'] * MM:.1f} mm", f"from {place} to convergence, median"))
+    if summary["coverage_95"] is not None:
+        tiles.append((f"{100.0 * summary['coverage_95']:.1f} %", "of the positions in the 95 % region"))
+    if timing["update_median_us"] is not None:
+        tiles.append((f"{timing['update_median_us'] / 1e3:.1f} ms", "per measurement update, median"))
+    return tiles
+
+
+def _map(scan: Scan, scene: Scene, recording: Recording) -> Section:
+    """What the scan holds: the signal of each phalanx, and folded each channel."""
+    unit = recording.sweeps[0].strain_unit if recording.sweeps else "V"
+    with mpl.rc_context(PAGE_STYLE):
+        signals = signal_figures(scan, scene, unit, (_WIDTH_IN, 0.85 * _WIDTH_IN))
+        size = _WIDTH_IN / _MAP_COLUMNS
+        channels = scan_figures(scan, scene, unit, _MAP_COLUMNS, size, _CHANNELS)
+    each = [
+        (_svg(figure, name), f"{name.removeprefix('map_')}, by channel") for name, figure in channels.items()
+    ]
+    return Section(
+        "The map",
+        lines=[
+            "Signal: strain minus that of featureless material, root mean square over the channels. "
+            "Where two places have the same strain, touch alone cannot tell them apart."
+        ],
+        figures=[(_svg(figure, name), name.replace("_", " of ", 1)) for name, figure in signals.items()],
+        folded=[Section(f"Each channel of {listed(scan.phalanges)}", figures=each)],
+    )
+
+
+def _sweeps(scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Configuration) -> Section:
+    """Error along the sweeps, where they converge, and a row for each."""
+    estimated = [sweep for sweep in sweeps if len(sweep)]
+    with mpl.rc_context(PAGE_STYLE):
+        error = replay_figure(scene, estimated, configuration, (_WIDTH_IN, _WIDTH_IN))
+        paths = paths_figure(scene, estimated, configuration, (_WIDTH_IN, _WIDTH_IN))
+    columns = (
+        "sweep",
+        "outcome",
+        "converged after, mm",
+        "error at the end, mm",
+        "largest, converged, mm",
+        "reason",
+    )
+    rows = []
+    for sweep in sweeps:
+        outcome, quality = _outcome(scene, sweep, configuration)
+        distance, travel = MM * position_error(scene, sweep), MM * travel_from_contact(sweep)
+        numbers = (
+            travel[sweep.converged][:1],
+            distance[-1:],
+            np.atleast_1d(_largest(distance[sweep.converged])),
+        )
+        reason = "" if quality == "good" or not len(sweep) else sweep.reason[-1]
+        rows.append((quality, (str(sweep.number), outcome, *map(_number, numbers), reason)))
+    table = Section(f"All {len(rows)} sweeps", columns=columns, numbers=columns[2:5], rows=rows)
+    return Section(
+        "Error along the sweeps",
+        figures=[
+            (_svg(error, "error"), "Each line is a sweep: grey while open, coloured while converged."),
+            (_svg(paths, "paths"), "Where the palm was, and what the estimate claimed there."),
+        ],
+        folded=[table],
+    )
+
+
+def _outcome(scene: Scene, sweep: ReplayedSweep, configuration: Configuration) -> tuple[str, str]:
+    """Outcome of one sweep by the verdict's definitions, and whether it is good, bad or neither."""
+    verdict = judge(scene, [sweep], configuration)
+    if not verdict.expected:
+        return "no contact", ""
+    if verdict.wrong:
+        return "wrong", "bad"
+    if verdict.right:
+        return ("right" if verdict.has_truth else "converged"), "good"
+    return ("never converged" if verdict.never else "not converged at its end"), "bad"
+
+
+def _worst_sweep(
+    scene: Scene,
+    sweeps: Sequence[ReplayedSweep],
+    recording: Recording,
+    localizer: Localizer,
+    configuration: Configuration,
+) -> list[Section]:
+    """The sweep that a reader wants to see first, with its belief; none where no sample was usable."""
+    worst = worst_sweep(scene, sweeps, configuration)
+    if worst is None:
+        return []
+    sweep = sweeps[worst]
+    error = relative_error(scene, sweep, convergence_criteria(scene, configuration))
+    moments = _moments(sweep, error)
+    beliefs = _beliefs(localizer, recording.sweeps[worst], sweep.row[moments].tolist())
+    with mpl.rc_context(PAGE_STYLE):
+        belief = belief_figure(scene, sweep, moments, beliefs, (_WIDTH_IN, _WIDTH_IN))
+        progress = progress_figure(scene, sweep, moments, configuration, (_WIDTH_IN, 0.8 * _WIDTH_IN))
+    notes = judge(scene, [sweep], configuration).notes
+    what = f"sweep {sweep.number} converged after the longest travel; none was wrong"
+    lines = [f"{_sentence(notes[0] if notes else what)}."]
+    if configuration.filter == "particle":
+        lines.append("The belief is of another run of the particle filter, with other random numbers.")
+    error, travel = MM * position_error(scene, sweep), MM * travel_from_contact(sweep)
+    columns = ("moment", "travel, mm", "probability", "error, mm", "reason")
+    rows = [
+        (
+            "",
+            (
+                letter,
+                f"{travel[at]:.1f}",
+                f"{sweep.probability[at]:.3f}",
+                _number(error[at:]),
+                sweep.reason[at],
+            ),
+        )
+        for letter, at in zip("ABCDEFGH", moments, strict=False)
+    ]
+    caption = "The belief at four moments; darker is more probable, the red cross is the true position."
+    figures = [
+        (_svg(belief, "belief"), caption),
+        (_svg(progress, "progress"), "Probability and error along the sweep; dashed: the threshold."),
+    ]
+    section = Section("The worst sweep", lines, figures, columns, columns[1:4], rows)
+    return [section]
+
+
+def _moments(sweep: ReplayedSweep, relative_error: np.ndarray) -> list[int]:
+    """Estimates to show: contact, the most wrong claim or convergence, the end, and between them."""
+    first = int(np.searchsorted(sweep.row[:-1], max(sweep.contact[0], 0)))
+    converged = np.flatnonzero(sweep.converged)
+    best = int(converged[0]) if len(converged) else int(np.argmax(sweep.probability))
+    shown = int(np.argmax(relative_error)) if (relative_error > 1.0).any() else best
+    found = {first, shown, len(sweep) - 1}
+    while len(found) < _MOMENTS and np.diff(at := sorted(found)).max(initial=0) > 1:
+        gap = int(np.diff(at).argmax())
+        found.add((at[gap] + at[gap + 1]) // 2)
+    return sorted(found)
+
+
+def _beliefs(
+    localizer: Localizer, sweep: RecordedSweep, rows: Sequence[int]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Localize a sweep again; its belief (states and weights) at some rows."""
+    localizer.reset()
+    found = []
+    for row, sample in enumerate(sweep.samples()):
+        with suppress(MeasurementError):
+            localizer.update(*sample)
+        if row in rows:
+            found.append(localizer.hypotheses())
+    return found
+
+
+def _settings(document: Mapping[str, Any], scan_name: str, scene: Scene, localizer: Localizer) -> Section:
+    """Everything that is needed to repeat the replay."""
+    summary = document["summary"]
+    rows = [
+        ("", row)
+        for row in (
+            ("recording", document["recording"]["source"]),
+            ("scan", scan_name),
+            ("samples", f"{summary['strains']:,} in {summary['sweeps']} sweeps"),
+            ("odometry", summary["odometry"]),
+            ("seed", str(summary["seed"])),
+            *document["learned"].items(),
+        )
+    ]
+    return Section(
+        "Configuration and versions",
+        rows=[*rows, *_versions()],
+        folded=[
+            Section("Configuration", code=_yaml(asdict(document["configuration"]))),
+            Section("Scene", code=_yaml(scene_to_dict(scene))),
+        ],
+    )
+
+
+def _versions() -> list[tuple[str, tuple[str, str]]]:
+    """Rows of the package's and the libraries' versions."""
+    libraries = f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}"
+    return [("", ("tactile_localizer", __version__)), ("", ("with", f"{libraries}, {platform.system()}"))]
+
+
+def _svg(figure: Figure, name: str) -> Markup:
+    return Markup(inline_svg(figure, name))
+
+
+def _first(notes: Sequence[str]) -> list[str]:
+    """The first of many notes, and how many more there are."""
+    more = len(notes) - _NOTES
+    return [*notes[:_NOTES], *([f"and {more} more, which the table of the sweeps has"] if more > 0 else [])]
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _names(paths: str) -> str:
+    """The names of files without their folders."""
+    return ", ".join(Path(path).resolve().name for path in paths.split(", "))
+
+
+def _yaml(value: Mapping[str, Any]) -> str:
+    return yaml.safe_dump(dict(value), sort_keys=False)
+
+
+def _largest(values: np.ndarray) -> float:
+    values = values[np.isfinite(values)]
+    return float(values.max()) if len(values) else np.nan
+
+
+def _number(values: np.ndarray) -> str:
+    """The first value with a decimal; empty where there is none or it is unknown."""
+    return f"{values[0]:.1f}" if len(values) and np.isfinite(values[0]) else ""
