@@ -3,20 +3,19 @@
 ros2 launch tactile_localizer bringup.launch.py scan_file:=bump_scan namespace:=left
 """
 
-from pathlib import Path
-
-from launch.actions import IncludeLaunchDescription
+from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 
 from launch import LaunchDescription
+from tactile_localizer.ros.launching import NODE, nodes, shared_arguments
 
 
 def generate_launch_description():
     """Sensor and filter."""
-    folder, files = Path(__file__).parent, {"scan_file": LaunchConfiguration("scan_file")}
     return LaunchDescription(
         [
-            IncludeLaunchDescription(str(folder / "sensor.launch.py")),
-            IncludeLaunchDescription(str(folder / "localize.launch.py"), launch_arguments=files.items()),
+            DeclareLaunchArgument("scan_file", description="Scan (folder) that is the map"),
+            *shared_arguments("sensor", "pose_topic", *NODE),
+            nodes(LaunchConfiguration("sensor"), "filter"),
         ]
     )

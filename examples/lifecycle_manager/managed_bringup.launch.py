@@ -3,8 +3,9 @@
 ros2 launch managed_bringup.launch.py scan_file:=bump_scan
 """
 
-from launch.actions import GroupAction, IncludeLaunchDescription
-from launch_ros.actions import Node, SetParameter
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
@@ -13,6 +14,7 @@ from launch import LaunchDescription
 def generate_launch_description():
     """Nodes that wait for the manager, and the manager."""
     bringup = [FindPackageShare("tactile_localizer"), "/launch/bringup.launch.py"]
+    given = {"scan_file": LaunchConfiguration("scan_file"), "autostart": "false"}
     manager = Node(
         package="nav2_lifecycle_manager",
         executable="lifecycle_manager",
@@ -31,7 +33,8 @@ def generate_launch_description():
     )
     return LaunchDescription(
         [
-            GroupAction([SetParameter("autostart", False), IncludeLaunchDescription(bringup)]),
+            DeclareLaunchArgument("scan_file", description="Scan (folder) that is the map"),
+            IncludeLaunchDescription(bringup, launch_arguments=given.items()),
             manager,
         ]
     )

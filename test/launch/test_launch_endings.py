@@ -23,27 +23,31 @@ pytest.importorskip("ros2launch", reason="ros2launch is not installed: only a RO
 
 pytestmark = pytest.mark.ros
 
+NODE = {"namespace", "params_file", "use_sim_time", "autostart"}
 ARGUMENTS = {
-    "bringup": {"scan_file", "pose_topic", "namespace", "params_file", "sensor"},
-    "localize": {"scan_file", "pose_topic", "namespace", "params_file"},
+    "bringup": {"scan_file", "pose_topic", "sensor", *NODE},
+    "localize": {"scan_file", "pose_topic", *NODE},
     "replay": {"bag", "rate", "scan_file", "pose_topic", "namespace", "params_file"},
-    "scan": {"scan_file", "scene_file", "pose_topic", "namespace", "params_file", "sensor"},
-    "sensor": {"namespace", "params_file", "sensor"},
-    "simulate": {"mode", "scan_file", "scene_file", "params_file"},
+    "scan": {"scan_file", "scene_file", "pose_topic", "sensor", *NODE},
+    "sensor": {"sensor", *NODE},
+    "simulate": {"mode", "scan_file", "scene_file", *NODE},
 }
+REQUIRED = {"scan_file": "none", "scene_file": "bump.yaml", "bag": "none", "mode": "localize"}
+"""Arguments without a default, each with a value."""
 
 Launch = Callable[..., Process]
 
 
 @pytest.fixture
 def launch(process: Any, tmp_path: Path) -> Launch:
-    """``launch("bringup", scan_file=...)`` runs ``ros2 launch`` of an installed launch file."""
+    """``launch("bringup", scan_file=...)`` runs ``ros2 launch`` of an installed launch file, or of a path."""
     command = shutil.which("ros2")
     assert command is not None
 
-    def start(name: str, *options: str, **arguments: Any) -> Process:
+    def start(name: str | Path, *options: str, **arguments: Any) -> Process:
         given = [f"{argument}:={value}" for argument, value in arguments.items()]
-        line = [command, "launch", "tactile_localizer", f"{name}.launch.py", *options, *given]
+        file = [name] if isinstance(name, Path) else ["tactile_localizer", f"{name}.launch.py"]
+        line = [command, "launch", *file, *options, *given]
         environment = {"ROS_HOME": str(tmp_path), "ROS_LOG_DIR": str(tmp_path / "log")}
         launched: Process = process(line, environment)
         return launched
@@ -67,12 +71,66 @@ def test_an_argument_has_its_choices(launch: Launch) -> None:
     assert "process started" not in launched.output
 
 
-@pytest.mark.parametrize(("name", "arguments"), [("localize", {}), ("replay", {"bag": "none"})])
-def test_a_missing_scan_is_named(
-    launch: Launch, tmp_path: Path, name: str, arguments: dict[str, str]
+@pytest.mark.parametrize(
+    ("name", "missing"),
+    [
+        (name, missing)
+        for name, known in ARGUMENTS.items()
+        for missing in sorted(known & {*REQUIRED})
+        if (name, missing) != ("simulate", "scene_file")  # which has a default
+    ],
+)
+def test_no_node_starts_before_every_argument_is_known(launch: Launch, name: str, missing: str) -> None:
+    given = {one: value for one, value in REQUIRED.items() if one in ARGUMENTS[name] - {missing}}
+    launched = launch(name, **given)
+    assert launched.wait() == 1
+    assert f"missing required argument '{missing}'" in launched.output
+    assert "process started" not in launched.output
+
+
+@pytest.mark.parametrize("name", ARGUMENTS)
+def test_a_missing_parameter_file_ends_the_launch(launch: Launch, name: str) -> None:
+    given = {one: value for one, value in REQUIRED.items() if one in ARGUMENTS[name]}
+    launched = launch(name, params_file="nosuch.yaml", **given)
+    assert launched.wait() == 1
+    assert "params_file: expected a file, found none: nosuch.yaml" in launched.output
+    assert "_node-" not in launched.output
+
+
+BRINGUP = """
+from launch import LaunchDescription
+from launch.actions import GroupAction, IncludeLaunchDescription
+from launch_ros.substitutions import FindPackageShare
+
+def hand(side):
+    bringup = [FindPackageShare("tactile_localizer"), "/launch/localize.launch.py"]
+    given = {"scan_file": "SCAN", "namespace": side, "params_file": f"{side}.yaml"}
+    return GroupAction([IncludeLaunchDescription(bringup, launch_arguments=given.items())])
+
+def generate_launch_description():
+    return LaunchDescription([hand("left"), hand("right")])
+"""
+
+
+def test_a_hand_that_cannot_start_stops_the_other(
+    launch: Launch, place: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    launched = launch(name, scan_file=tmp_path / "none_scan", **arguments)
-    launched.wait()
+    monkeypatch.chdir(place.folder)
+    Path("left.yaml").touch()
+    Path("two_hands.launch.py").write_text(BRINGUP.replace("SCAN", str(place.scan_file)))
+    launched = launch(Path("two_hands.launch.py"))
+    started = launched.wait_for_line(r"filter_node-1.: process started with pid \[\d+\]")
+    assert launched.wait() == 1
+    assert "params_file: expected a file, found none: right.yaml" in launched.output
+    pid = int(re.findall(r"\[(\d+)\]", started)[-1])
+    assert not Path(f"/proc/{pid}").exists()
+
+
+@pytest.mark.parametrize(("name", "status"), [("localize", 0), ("replay", 1)])
+def test_a_missing_scan_is_named(launch: Launch, tmp_path: Path, name: str, status: int) -> None:
+    given = {"bag": "none"} if name == "replay" else {}
+    launched = launch(name, scan_file=tmp_path / "none_scan", **given)
+    assert launched.wait() == status
     assert "none_scan: expected a scan folder, found none" in launched.output
     assert "Traceback" not in launched.output
 
@@ -92,24 +150,42 @@ def test_a_bag_is_played_once_the_filter_is_active(
     launch: Launch, place: Place, where: dict[str, str]
 ) -> None:
     launched = launch("replay", bag="none", scan_file=place.scan_file, **where)
-    launched.wait(60.0)
+    assert launched.wait(60.0) == 1, "there is no bag"
     loading, playing = (launched.output.partition(text)[0] for text in ("pairs of", "ros2 bag play none"))
     assert len(loading) < len(playing) < len(launched.output), launched.output
 
 
-@pytest.mark.skipif(
+with_rosbag2 = pytest.mark.skipif(
     "bag" not in entry_points(group="ros2cli.command").names, reason="ros2 bag is not installed"
 )
-def test_a_replay_ends_with_its_bag_and_loses_nothing(launch: Launch, place: Place) -> None:
+
+
+def sweep_bag(folder: Path, storage: str, topics: tuple[str, ...]) -> Path:
+    """A bag of one sweep, with strain and poses at 50 Hz."""
     sweep, messages = unseen_sweep(rate=50.0), []
     for k, (x, y) in enumerate(sweep.position):
         stamp_ms, felt = 1000 + 20 * k, {"strain": sweep.strain[k], "sequence": np.full(2, k, np.uint32)}
         messages.append(("palm_pose", stamp_ms, pose(stamp_ms, "base_link", x, y)))
         messages.append(("strain", stamp_ms, strain(stamp_ms, ("index", "middle"), **felt)))
-    bag = write_bag(place.folder / "bag", messages)
+    return write_bag(folder / "bag", [one for one in messages if one[0] in topics], storage)
+
+
+@with_rosbag2
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_replay_ends_with_its_bag_and_loses_nothing(launch: Launch, place: Place, storage: str) -> None:
+    bag = sweep_bag(place.folder, storage, ("strain", "palm_pose"))
     launched = launch("replay", bag=bag, scan_file=place.scan_file)
     assert launched.wait(90.0) == 0, launched.output
     assert "371 strain vectors received, 371 posteriors, 0 without a pose, 0 lost" in launched.output
+
+
+@with_rosbag2
+def test_a_replay_without_a_posterior_fails(launch: Launch, place: Place) -> None:
+    bag = sweep_bag(place.folder, "mcap", ("strain",))
+    launched = launch("replay", bag=bag, scan_file=place.scan_file, rate=5.0)
+    assert launched.wait(90.0) == 1
+    assert "bag: expected posteriors, found none" in launched.output
+    assert " 0 posteriors" in launched.output, "the filter ended by itself"
 
 
 @pytest.mark.parametrize("module", ["numpy", "scipy", "rclpy"])

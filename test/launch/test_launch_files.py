@@ -13,7 +13,7 @@ launch_pytest = pytest.importorskip(
     "launch_pytest", reason="launch_pytest is not installed: only a ROS 2 distribution has it"
 )
 
-from launch.actions import GroupAction, IncludeLaunchDescription  # noqa: E402
+from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription  # noqa: E402
 from launch.launch_description_sources import PythonLaunchDescriptionSource  # noqa: E402
 from launch_pytest.actions import ReadyToTest  # noqa: E402
 from launch_ros.actions import Node, PushRosNamespace, SetParameter, SetRemap  # noqa: E402
@@ -25,56 +25,55 @@ pytestmark = pytest.mark.ros
 ROOT = Path(__file__).parents[2]
 
 
+def localize(**given: Any) -> IncludeLaunchDescription:
+    """The filter, with launch arguments."""
+    arguments = [(name, str(value)) for name, value in given.items()]
+    return IncludeLaunchDescription(str(ROOT / "launch/localize.launch.py"), launch_arguments=arguments)
+
+
 @launch_pytest.fixture
 def two_hands(place: Place, monkeypatch: Any) -> Any:
-    """Two filters in the launch file of an integrator: one by actions of launch_ros, one by arguments."""
+    """Two filters in the bringup of an integrator: one by actions of launch_ros, one by arguments."""
     monkeypatch.setenv("ROS_HOME", str(place.folder))
-    localize, scan = str(ROOT / "launch/localize.launch.py"), {"scan_file": str(place.scan_file)}
     left = [
         PushRosNamespace("left"),
         SetRemap("palm_pose", "/left_arm/pose"),
         SetRemap("strain", "/left_hand/strain"),
-        SetParameter("use_sim_time", True),
-        SetParameter("stale_timeout_s", 2.0),
-        SetParameter("queue_depth", 1000),
-        IncludeLaunchDescription(localize, launch_arguments=scan.items()),
+        localize(scan_file=place.scan_file),
     ]
-    right = scan | {"namespace": "right", "pose_topic": "/right_arm/pose"}
-    return LaunchDescription(
-        [
-            GroupAction(left, scoped=True, forwarding=False),
-            IncludeLaunchDescription(localize, launch_arguments=right.items()),
-            ReadyToTest(),
-        ]
-    )
+    given = {"namespace": "right", "pose_topic": "/right_arm/pose", "use_sim_time": False}
+    right = [localize(scan_file=place.scan_file, **given)]
+    around = [
+        PushRosNamespace("robot"),
+        SetParameter("use_sim_time", True),
+        SetParameter("queue_depth", 1000),
+    ]
+    return LaunchDescription([*around, GroupAction(left), GroupAction(right), ReadyToTest()])
 
 
 @pytest.mark.launch(fixture=two_hands)
 def test_what_an_integrator_sets_is_used(two_hands: Any, probe: Probe) -> None:
     from rcl_interfaces.srv import GetParameters
 
-    names = ("use_sim_time", "stale_timeout_s", "queue_depth")
-
     def values(hand: str) -> list[Any]:
-        request = GetParameters.Request(names=names)
-        simulated, timeout, depth = probe.call(
-            GetParameters, f"{hand}/tactile_filter/get_parameters", request
-        ).values
-        return [simulated.bool_value, timeout.double_value, depth.integer_value]
+        request = GetParameters.Request(names=["use_sim_time", "queue_depth"])
+        service = f"robot/{hand}/tactile_filter/get_parameters"
+        simulated, depth = probe.call(GetParameters, service, request).values
+        return [simulated.bool_value, depth.integer_value]
 
-    assert values("left") == [True, 2.0, 1000]
-    assert values("right") == [False, 0.5, 100]
+    assert values("left") == [True, 1000]
+    assert values("right") == [False, 1000]
 
     def subscribed(topic: str) -> list[str]:
         return [info.node_namespace for info in probe.node.get_subscriptions_info_by_topic(topic)]
 
-    probe.until(lambda: subscribed("/right/strain"), "both filters", 60.0)
+    probe.until(lambda: subscribed("/robot/right/strain"), "both filters", 60.0)
     probe.until(lambda: subscribed("/left_hand/strain"), "both filters", 60.0)
-    assert subscribed("/left_arm/pose") == ["/left"]
-    assert subscribed("/right_arm/pose") == ["/right"]
+    assert subscribed("/left_arm/pose") == ["/robot/left"]
+    assert subscribed("/right_arm/pose") == ["/robot/right"]
 
 
 def test_the_lifecycle_manager_example_is_read() -> None:
     example = ROOT / "examples/lifecycle_manager/managed_bringup.launch.py"
     entities = PythonLaunchDescriptionSource(str(example)).get_launch_description(LaunchContext()).entities
-    assert [type(entity) for entity in entities] == [GroupAction, Node]
+    assert [type(one) for one in entities] == [DeclareLaunchArgument, IncludeLaunchDescription, Node]

@@ -1,0 +1,93 @@
+"""Arguments and nodes that the launch files share.
+
+A launch that fails must leave no process behind, but launch does not stop what it started before an error in
+the same description (ros2/launch, issue 747). So a launch file declares all arguments first, and no node
+starts before the arguments of all its nodes are known to be valid.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, TimerAction
+from launch_ros.actions import LifecycleNode
+from launch_ros.parameter_descriptions import ParameterValue
+
+from launch import LaunchContext
+from tactile_localizer.resources import resource_path
+
+NODE = ("namespace", "params_file", "use_sim_time", "autostart")
+"""Arguments of every node."""
+
+_FLAGS = ("use_sim_time", "autostart")
+_FLAG = {"default_value": "", "choices": ["", "true", "false", "True", "False"]}
+_SHARED: dict[str, dict[str, Any]] = {
+    "pose_topic": {"default_value": "palm_pose", "description": "Topic of the palm poses"},
+    "sensor": {
+        "default_value": "driver",
+        "choices": ["driver", "adapter"],
+        "description": "Node that publishes strain",
+    },
+    "namespace": {"default_value": "", "description": "Of the nodes"},
+    "params_file": {"description": "Parameter file"},
+    "use_sim_time": {**_FLAG, "description": "Time of /clock; if empty, as the parameter file has it"},
+    "autostart": {**_FLAG, "description": "Start working; if empty, as the parameter file has it"},
+}
+_PARAMETERS = {"filter": ["scan_file"], "mapping": ["scan_file", "scene_file"], "simulator": ["mode"]}
+"""Arguments that are parameters of a node."""
+
+
+def shared_arguments(*names: str, params_file: str = "robot.yaml") -> list[DeclareLaunchArgument]:
+    """Declarations of arguments; ``params_file`` is the default parameter file, of those that are shipped."""
+    defaults = {"params_file": {"default_value": str(resource_path(f"config/{params_file}"))}}
+    return [DeclareLaunchArgument(name, **_SHARED[name], **defaults.get(name, {})) for name in names]
+
+
+def nodes(*kinds: Any, **parameters: Any) -> OpaqueFunction:
+    """Action that starts nodes with the parameter file, and the arguments that are given on top of it.
+
+    An argument that is not given is not passed on, so that actions such as ``SetParameter`` around the launch
+    file apply.
+
+    Parameters
+    ----------
+    kinds : executables without their ``_node``, as text or as a substitution
+    parameters : values that are the same in each launch
+    """
+    return OpaqueFunction(function=_nodes, args=[kinds, parameters])
+
+
+def _nodes(context: LaunchContext, kinds: tuple[Any, ...], fixed: dict[str, Any]) -> list[Any]:
+    given = context.launch_configurations
+    file = Path(given["params_file"]).expanduser()
+    if not file.is_file():
+        return [failure(f"params_file: expected a file, found none: {file}")]
+    flags = {name: given[name].lower() == "true" for name in _FLAGS if given.get(name)}
+    actions = []
+    for kind in kinds:
+        name = kind if isinstance(kind, str) else context.perform_substitution(kind)
+        own = {key: ParameterValue(given[key], value_type=str) for key in _PARAMETERS.get(name, ())}
+        actions.append(
+            LifecycleNode(
+                package="tactile_localizer",
+                executable=f"{name}_node",
+                name=f"tactile_{name}",
+                namespace=given["namespace"],
+                parameters=[str(file), {**flags, **own, **fixed}],
+                remappings=[("palm_pose", given.get("pose_topic", "palm_pose"))],
+            )
+        )
+    return actions
+
+
+def failure(text: str, after_s: float = 0.0) -> TimerAction:
+    """Action that ends the launch with an error and status 1, and stops what was started before.
+
+    Nothing happens if the launch ends by itself within ``after_s``.
+    """
+
+    def fail(context: LaunchContext) -> None:
+        raise RuntimeError(text)
+
+    return TimerAction(period=after_s, actions=[OpaqueFunction(function=fail)])
