@@ -31,12 +31,14 @@ class SignalNames:
     Parameters
     ----------
     gauges : channels in the order of the strain vector; a phalanx may have only the first ones
-    counter, status : rolling counter, and status of the load cell (0: no fault); both are optional
+    counter, status : rolling counter, and status of the load cell; both are optional
+    status_ok : values of the status without a fault
     """
 
     gauges: tuple[str, ...] = GAUGE_SIGNALS
     counter: str = "counter"
     status: str = "status"
+    status_ok: tuple[int, ...] = (0,)
 
     def __post_init__(self) -> None:
         if not self.gauges or len(set(self.gauges)) < len(self.gauges):
@@ -65,6 +67,16 @@ class LoadCellMessage:
     def key(self) -> tuple[int, bool]:
         """Identifier, and whether it has 29 bits."""
         return self.definition.frame_id, bool(self.definition.is_extended_frame)
+
+    @property
+    def is_j1939(self) -> bool:
+        """Whether the low byte of the identifier is the address of the sender."""
+        return self.definition.protocol == "j1939"
+
+    @property
+    def name(self) -> str:
+        """Identifier and name, as in ``0x110 index``."""
+        return f"0x{self.definition.frame_id:X} {self.definition.name}"
 
     @cached_property
     def length(self) -> int:

@@ -23,6 +23,10 @@ from tactile_localizer.io.can.layout import (
 from tactile_localizer.io.status import FAULT, SATURATED
 
 
+_WITHOUT_SOURCE = 0x1FFFFF00
+"""Mask of an identifier of SAE J1939 without the address of its sender."""
+
+
 class FrameKind(enum.IntEnum):
     """Kind of a frame; the assembler determines the last three."""
 
@@ -70,10 +74,15 @@ class LoadCellProtocol:
         names: SignalNames | None = None,
     ) -> None:
         self.phalanges = tuple(phalanges)
-        definitions = read_messages(path, phalanges, messages or {})
-        self.messages, self.channels = compile_layout(self.phalanges, definitions, names or SignalNames())
+        definitions, names = read_messages(path, phalanges, messages or {}), names or SignalNames()
+        self.messages, self.channels = compile_layout(self.phalanges, definitions, names)
+        self._status_ok = np.array(names.status_ok)
         self.is_fd = any(message.length > 8 or message.definition.is_fd for message in self.messages)
         self._slots = {message.key: slot for slot, message in enumerate(self.messages)}
+        self._similar = {(key[0], not key[1]): slot for key, slot in self._slots.items()}
+        for slot, message in enumerate(self.messages):
+            if message.is_j1939:
+                self._similar[message.key[0] & _WITHOUT_SOURCE, True] = slot
         self._ends = np.cumsum([message.length for message in self.messages]).tolist()
         self.size = self._ends[-1]
         self._counters = [_shift_of(message) for message in self.messages]
@@ -108,14 +117,20 @@ class LoadCellProtocol:
         self._volts = np.array([VOLTS[one.unit] for one in own])
         self._lowest, self._highest = np.array([range_of(one) for one in own]).T
         self._below, self._above = np.array([saturation_of(one) for one in own]).T
-        self._status_phalanx = [self.messages[slot].phalanx for _, slot in statuses]
+        self._statuses = [signal for signal, _ in statuses]
+        self._status_phalanx = np.array([self.messages[slot].phalanx for _, slot in statuses], int)
 
     @property
     def filters(self) -> list[can.typechecking.CanFilter]:
-        """Filters for the kernel or the adapter that pass exactly the messages in use."""
+        """Filters for the kernel that pass the messages in use, and those for which :meth:`misfit` explains."""
         return [
-            {"can_id": number, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
-            for number, extended in (message.key for message in self.messages)
+            {
+                "can_id": message.definition.frame_id,
+                "can_mask": _WITHOUT_SOURCE if message.is_j1939 else 0x1FFFFFFF,
+                "extended": extended,
+            }
+            for message in self.messages
+            for extended in (False, True)
         ]
 
     def bytes_of(self, slot: int) -> slice:
@@ -123,21 +138,36 @@ class LoadCellProtocol:
         return slice(self._ends[slot] - self.messages[slot].length, self._ends[slot])
 
     def classify(self, frame: can.Message) -> tuple[FrameKind, int, int]:
-        """Kind of a frame, and for ``DATA`` the index of its message and its counter (0 without one).
+        """Kind of a frame, index of its message or of the most similar one (-1: none), and its counter.
 
-        Never raises, whatever the content of the frame.
+        The counter is 0 without one. Never raises, whatever the content of the frame.
         """
-        slot = self._slots.get((frame.arbitration_id, frame.is_extended_id), -1)
+        number, extended = frame.arbitration_id, frame.is_extended_id
+        slot = self._slots.get((number, extended), -1)
         if frame.is_error_frame:
             return FrameKind.ERROR, slot, 0
         if frame.is_remote_frame:
             return FrameKind.REMOTE, slot, 0
         if slot < 0:
+            group = number & _WITHOUT_SOURCE
+            slot = self._similar.get((number, extended), self._similar.get((group, extended), -1))
             return FrameKind.UNKNOWN_ID, slot, 0
         if len(frame.data) != self.messages[slot].length:
             return FrameKind.WRONG_LENGTH, slot, 0
         order, shift, mask = self._counters[slot]
         return FrameKind.DATA, slot, int.from_bytes(frame.data, order) >> shift & mask if mask else 0
+
+    def misfit(self, frame: can.Message, slot: int) -> str:
+        """Why a frame is not used that has or resembles the identifier of a message, in words."""
+        message, number = self.messages[slot], frame.arbitration_id
+        if frame.is_remote_frame:
+            return f"{message.name}: remote frames"
+        if number != message.key[0]:
+            return f"0x{number:X} differs from {message.name} only in the address of its sender"
+        if frame.is_extended_id != message.key[1]:
+            found, expected = (29, 11) if frame.is_extended_id else (11, 29)
+            return f"{message.name}: an identifier of {found} bits instead of {expected}"
+        return f"{message.name}: {len(frame.data)} bytes instead of {message.length}"
 
     def decode(self, data: bytes | bytearray) -> tuple[np.ndarray, np.ndarray]:
         """Decode the frames of one cycle.
@@ -151,13 +181,7 @@ class LoadCellProtocol:
         strain : (C,) V
         status : (F,) uint8 bits ``SATURATED`` and ``FAULT`` of :mod:`~tactile_localizer.io.status`
         """
-        bits = np.unpackbits(np.frombuffer(data + b"\0", np.uint8), bitorder="little")
-        words = np.packbits(bits[self._bits], axis=1, bitorder="little")
-        raw = np.empty(len(words))
-        with np.errstate(all="ignore"):  # floats can be anything
-            for kind, rows in self._kinds:
-                raw[rows] = words[rows].view(kind)[:, 0]
-            strain = (raw[: self.channels.size] * self._scale + self._offset) * self._volts
+        strain, statuses = self._values(data)
         status = np.zeros(len(self.phalanges), np.uint8)
         saturated = (strain <= self._below) | (strain >= self._above)
         if saturated.any():
@@ -165,9 +189,36 @@ class LoadCellProtocol:
         finite = np.isfinite(strain)
         if not finite.all():
             status[self.channels.phalanx[~finite]] |= FAULT
-        if raw[self.channels.size :].any():
-            status[np.array(self._status_phalanx)[raw[self.channels.size :] != 0]] |= FAULT
+        faults = (statuses[:, None] != self._status_ok).all(axis=1)
+        if faults.any():
+            status[self._status_phalanx[faults]] |= FAULT
         return strain, status
+
+    def _values(self, data: bytes | bytearray) -> tuple[np.ndarray, np.ndarray]:
+        """Strain (C,), V, and the raw statuses in the order of :attr:`messages`."""
+        bits = np.unpackbits(np.frombuffer(data + b"\0", np.uint8), bitorder="little")
+        words = np.packbits(bits[self._bits], axis=1, bitorder="little")
+        raw = np.empty(len(words))
+        with np.errstate(all="ignore"):  # floats can be anything
+            for kind, rows in self._kinds:
+                raw[rows] = words[rows].view(kind)[:, 0]
+            strain = (raw[: self.channels.size] * self._scale + self._offset) * self._volts
+        return strain, raw[self.channels.size :]
+
+    def explain(self, phalanx: int, data: bytes) -> str:
+        """The values in the data of a cycle for which a phalanx is ``SATURATED`` or ``FAULT``, in words."""
+        strain, statuses = self._values(data)
+        found = []
+        for signal, value, of in zip(self._statuses, statuses, self._status_phalanx, strict=True):
+            if of == phalanx and value not in self._status_ok:
+                name = (signal.choices or {}).get(int(value), "")
+                found.append(f"{signal.name} {value:.0f}" + (f" ({name})" if name else ""))
+        for message in self.messages:
+            for column, gauge in message.gauges.items() if message.phalanx == phalanx else ():
+                if not self._below[column] < strain[column] < self._above[column]:
+                    ends = f"[{gauge.minimum}|{gauge.maximum}]" if gauge.maximum else "that of its bits"
+                    found.append(f"{gauge.name} is {strain[column]:.4g} V, its range in the DBC {ends}")
+        return ", ".join(found[:2])
 
     def encode(
         self, phalanx: int, strain: np.ndarray, sequence: int, status: int = 0, stamp_s: float = 0.0
