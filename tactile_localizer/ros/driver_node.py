@@ -54,7 +54,10 @@ class DriverNode(ManagedNode):
             phalanges,
             {name: parameters[f"messages.{name}"] for name in phalanges},
             SignalNames(
-                tuple(parameters["gauge_signals"]), parameters["counter_signal"], parameters["status_signal"]
+                tuple(parameters["gauge_signals"]),
+                parameters["counter_signal"],
+                parameters["status_signal"],
+                tuple(parameters["status_ok"]),
             ),
         )
         bus = BusSettings(

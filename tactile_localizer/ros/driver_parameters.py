@@ -11,10 +11,12 @@ PARAMETERS = (
     Parameter(
         "gauge_signals",
         list(GAUGE_SIGNALS),
-        "DBC signals of the channels of a phalanx, in order; {phalanx} stands for its name",
+        "DBC signals of the channels of a phalanx, in order, as SIGNAL or MESSAGE.SIGNAL; "
+        "{phalanx} stands for its name",
     ),
     Parameter("counter_signal", "counter", "DBC signal of the rolling counter, if the DBC has one"),
-    Parameter("status_signal", "status", "DBC signal of the load cell status (0 is OK), if the DBC has one"),
+    Parameter("status_signal", "status", "DBC signal of the load cell status, if the DBC has one"),
+    Parameter("status_ok", [0], "Values of the status without a fault"),
     Parameter("interface", "socketcan", "python-can interface of the CAN bus"),
     Parameter("channel", "can0", "Channel of the interface"),
     Parameter("bus_options", [], "Options of the interface, each as name=value, such as ['fd=true']"),
@@ -66,5 +68,5 @@ PARAMETERS = (
 
 def messages_of(phalanx: str) -> Parameter:
     """The parameter that names the CAN messages of a phalanx."""
-    text = f"DBC messages of {phalanx}; if empty, those named {phalanx}, {phalanx}_a, ..."
+    text = f"DBC messages of {phalanx}, as NAME or NAME@IDENTIFIER; if empty, {phalanx}, {phalanx}_a, ..."
     return Parameter(f"messages.{phalanx}", [], text)

@@ -105,12 +105,15 @@ class Bench:
         wait_until(lambda: len(self.cycles) > count, "strain")
         return time.monotonic() - begin_s
 
-    def bus_status(self) -> tuple[bytes, str]:
-        """Level and message of the bus in the diagnostics."""
+    def statuses(self) -> list[tuple[bytes, str]]:
+        """Level and message of the bus and the phalanges in the diagnostics."""
         from tactile_localizer.ros.diagnostics.driver import DriverDiagnostics
 
         publisher = SimpleNamespace(status=lambda name, level, message, values: (level, message))
-        return DriverDiagnostics(self.driver, publisher, 0.5).statuses()[0]
+        return DriverDiagnostics(self.driver, publisher, 0.5).statuses()
+
+    def bus_status(self) -> tuple[bytes, str]:
+        return self.statuses()[0]
 
     def close(self) -> None:
         self._stop.set()
@@ -170,14 +173,42 @@ def test_foreign_frames_are_filtered_by_the_kernel_and_named(
     assert one.bus_status()[1] == "open, idle"
     for n in range(100):
         sender.send(can.Message(arbitration_id=0x700 + n, is_extended_id=False, data=bytes(8)))
-        sender.send(can.Message(arbitration_id=0x102, is_extended_id=True, data=bytes(8)))
-        sender.send(can.Message(arbitration_id=0x102, is_extended_id=False, is_fd=True, data=bytes(12)))
-    wait_until(lambda: one.driver.status.foreign == 300, "the frames on the interface")
-    assert one.bus_status() == (b"\1", "idle: 300 frames on vcan0, none with an identifier of the DBC")
+    wait_until(lambda: one.driver.status.foreign == 100, "the frames on the interface")
+    assert one.bus_status() == (b"\1", "idle: 100 frames on vcan0, none with an identifier of the DBC")
     one.sends.set()
     one.wait_for_strain()
     assert one.bus_status() == (b"\0", "open")
     assert sum(one.counts.values()) == one.counts[FrameKind.DATA]
+
+
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        ({"is_extended_id": True, "data": bytes(8)}, "an identifier of 29 bits instead of 11"),
+        ({"is_fd": True, "data": bytes(12)}, "12 bytes instead of 8"),
+    ],
+)
+def test_frames_that_resemble_a_message_are_named(
+    bench: Callable[..., Bench], sender: can.BusABC, frame: dict[str, Any], reason: str
+) -> None:
+    one = bench()
+    one.driver.start()
+    wait_until(lambda: one.driver.status.state == OPEN, "the bus")
+    sender.send(can.Message(**{"arbitration_id": 0x102, "is_extended_id": False, **frame}))
+    wait_until(lambda: sum(one.counts.values()), "the frame")
+    assert one.statuses()[1] == (b"\2", f"0x102 index_a: {reason}")
+
+
+def test_can_fd_frames_of_a_classic_layout_are_read(bench: Callable[..., Bench], sender: can.BusABC) -> None:
+    one = bench()
+    one.driver.start()
+    wait_until(lambda: one.driver.status.state == OPEN, "the bus")
+    for number in range(3):
+        for frame in cycle(one.hand, number):
+            frame.is_fd = frame.bitrate_switch = True
+            sender.send(frame)
+    wait_until(lambda: len(one.cycles) >= 2, "strain")
+    assert not any(made.status.any() for made in one.cycles)
 
 
 def test_can_fd_needs_an_interface_with_it(bench: Callable[..., Bench]) -> None:

@@ -80,11 +80,15 @@ class BusCounts:
     phalanges : totals of each phalanx
     frames : number of frames of each kind; every frame has exactly one kind
     cycles : number of cycles
+    misfits : newest frame not used, by the message that it has or resembles the identifier of; -1: none
+    suspects : data of the newest cycle in which a phalanx was ``SATURATED`` or ``FAULT``
     """
 
     phalanges: list[PhalanxCounts]
     frames: list[int] = field(default_factory=lambda: [0] * len(FrameKind))
     cycles: int = 0
+    misfits: dict[int, can.Message] = field(default_factory=dict)
+    suspects: dict[int, bytes] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -181,6 +185,8 @@ class CycleAssembler:
         """Use a frame; returns its kind, or the reason why it is not used."""
         kind, slot, counter = self._protocol.classify(frame)
         if kind:
+            if kind != FrameKind.ERROR:
+                self.counts.misfits[slot] = frame
             return kind
         cell, bit, place = self._slots[slot]
         stamp_ns = int(frame.timestamp * 1e9)
@@ -265,7 +271,9 @@ class CycleAssembler:
                 strain[self._protocol.channels.slices[p]] = np.nan
                 status[p] = MISSING
         if status.any():
-            for cell, bits in zip(self._cells, status, strict=True):
+            for p, (cell, bits) in enumerate(zip(self._cells, status, strict=True)):
+                if bits & (SATURATED | FAULT):
+                    self.counts.suspects[p] = bytes(self._data)
                 cell.counts.saturated += bool(bits & SATURATED)
                 cell.counts.faults += bool(bits & FAULT)
         self.counts.cycles += 1

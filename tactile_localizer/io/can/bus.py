@@ -25,9 +25,6 @@ from tactile_localizer.io.yaml_file import in_one_line, parse_yaml
 # python-can logs the errors that it raises; the exception is enough.
 logging.getLogger("can").addHandler(logging.NullHandler())
 
-FILTERING_INTERFACES = ("socketcan", "kvaser", "vector", "etas", "systec")
-"""Interfaces of python-can that filter by identifier in the kernel or the adapter, as of version 4.6."""
-
 HOST_CLOCK_INTERFACES = ("socketcan", "udp_multicast")
 """Interfaces of python-can whose stamps are the receive times of this machine's kernel."""
 
@@ -113,9 +110,10 @@ def parse_options(texts: list[str]) -> dict[str, Any]:
 
 
 def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) -> can.BusABC:
-    """Open the bus; with a ``protocol``, only for its frames if the kernel or the adapter can filter.
+    """Open the bus, with CAN FD if it is an interface of the kernel that has it.
 
-    Elsewhere python-can would filter in this process, which costs more than it saves, so all frames pass.
+    With a ``protocol`` the kernel filters its frames. Of other interfaces all frames pass, so that foreign
+    ones can be reported. Configuration files of python-can are not read.
 
     Raises
     ------
@@ -124,12 +122,18 @@ def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) ->
     CanError
         There is no such interface, an option has a wrong type, or the interface lacks CAN FD.
     """
-    fd = {"fd": True} if protocol is not None and protocol.is_fd else {}
-    options = {**fd, **settings.options}
+    options = dict(settings.options)
+    if protocol is not None and protocol.is_fd:
+        options.setdefault("fd", True)
     bus = None
     try:
-        bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
-        if protocol is not None and settings.interface in FILTERING_INTERFACES:
+        if settings.interface == "socketcan":
+            with suppress(OSError):  # without the interface the bus fails
+                options.setdefault("fd", _link(settings.channel).mtu >= _FD_MTU)
+        if "state" in options:
+            options["state"] = can.BusState[options["state"]]
+        bus = can.Bus(settings.channel, settings.interface, ignore_config=True, **options)
+        if protocol is not None and isinstance(bus, SocketcanBus):
             bus.set_filters(protocol.filters)
         if settings.receive_buffer:
             _set_receive_buffer(bus, settings.receive_buffer)
@@ -155,9 +159,11 @@ def link_of(bus: can.BusABC) -> Link | None:
     OSError
         The interface is gone.
     """
-    if not isinstance(bus, SocketcanBus):
-        return None
-    index = socket.if_nametoindex(bus.channel)
+    return _link(bus.channel) if isinstance(bus, SocketcanBus) else None
+
+
+def _link(channel: str) -> Link:
+    index = socket.if_nametoindex(channel)
     with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW) as kernel:
         # struct nlmsghdr and struct ifinfomsg: RTM_GETLINK (18) of this index, as a request (1)
         kernel.send(struct.pack("=IHHII BxHiII", 32, 18, 1, 0, 0, 0, 0, index, 0, 0))

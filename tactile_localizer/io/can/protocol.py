@@ -22,7 +22,6 @@ from tactile_localizer.io.can.layout import (
 )
 from tactile_localizer.io.status import FAULT, SATURATED
 
-
 _WITHOUT_SOURCE = 0x1FFFFF00
 """Mask of an identifier of SAE J1939 without the address of its sender."""
 
@@ -122,7 +121,7 @@ class LoadCellProtocol:
 
     @property
     def filters(self) -> list[can.typechecking.CanFilter]:
-        """Filters for the kernel that pass the messages in use, and those for which :meth:`misfit` explains."""
+        """Filters for the kernel that pass the messages in use, and frames for :meth:`misfit`."""
         return [
             {
                 "can_id": message.definition.frame_id,
@@ -163,7 +162,10 @@ class LoadCellProtocol:
         if frame.is_remote_frame:
             return f"{message.name}: remote frames"
         if number != message.key[0]:
-            return f"0x{number:X} differs from {message.name} only in the address of its sender"
+            return (
+                f"0x{number:X} differs from {message.name} only in the address of its sender: set messages."
+                f"{self.phalanges[message.phalanx]} to {message.definition.name}@0x{number:X}"
+            )
         if frame.is_extended_id != message.key[1]:
             found, expected = (29, 11) if frame.is_extended_id else (11, 29)
             return f"{message.name}: an identifier of {found} bits instead of {expected}"
@@ -211,13 +213,16 @@ class LoadCellProtocol:
         found = []
         for signal, value, of in zip(self._statuses, statuses, self._status_phalanx, strict=True):
             if of == phalanx and value not in self._status_ok:
-                name = (signal.choices or {}).get(int(value), "")
-                found.append(f"{signal.name} {value:.0f}" + (f" ({name})" if name else ""))
+                name = signal.choices.get(int(value)) if signal.choices else None
+                found.append(
+                    f"{signal.name} {value:.0f}" + (f" ({name})" if name else "") + " is not in status_ok"
+                )
         for message in self.messages:
             for column, gauge in message.gauges.items() if message.phalanx == phalanx else ():
                 if not self._below[column] < strain[column] < self._above[column]:
-                    ends = f"[{gauge.minimum}|{gauge.maximum}]" if gauge.maximum else "that of its bits"
-                    found.append(f"{gauge.name} is {strain[column]:.4g} V, its range in the DBC {ends}")
+                    ends = f"[{gauge.minimum}|{gauge.maximum}] {gauge.unit or 'V'} in the DBC"
+                    ends = ends if gauge.minimum or gauge.maximum else "of its bits"
+                    found.append(f"{gauge.name} is {strain[column]:.4g} V, with the range {ends}")
         return ", ".join(found[:2])
 
     def encode(

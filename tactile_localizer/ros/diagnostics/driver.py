@@ -60,12 +60,31 @@ class DriverDiagnostics:
         for name, own in phalanges.items():
             totals |= {(name, what): count for what, count in own.items()}
         new = self._increments.since(totals)
+        stray, misfits, suspects = self._explain()
         return [
-            self._bus_status(frames, new),
-            *(self._phalanx_status(name, own, new) for name, own in phalanges.items()),
+            self._bus_status(frames, new, stray),
+            *(
+                self._phalanx_status(name, own, new, misfits.get(p, ""), suspects.get(p, ""))
+                for p, (name, own) in enumerate(phalanges.items())
+            ),
         ]
 
-    def _bus_status(self, frames: Mapping[FrameKind, int], new: Mapping[Any, int]) -> DiagnosticStatus:
+    def _explain(self) -> tuple[str, dict[int, str], dict[int, str]]:
+        """A foreign identifier, and unused frames and doubtful values by phalanx, since the previous call."""
+        protocol, counts = self._driver.protocol, self._driver.counts
+        frames, data = counts.misfits.copy(), counts.suspects.copy()
+        counts.misfits.clear()
+        counts.suspects.clear()
+        stray = frames.pop(-1, None)
+        misfits = {
+            protocol.messages[slot].phalanx: protocol.misfit(one, slot) for slot, one in frames.items()
+        }
+        suspects = {phalanx: protocol.explain(phalanx, one) for phalanx, one in data.items()}
+        return f", the last 0x{stray.arbitration_id:X}" if stray else "", misfits, suspects
+
+    def _bus_status(
+        self, frames: Mapping[FrameKind, int], new: Mapping[Any, int], stray: str
+    ) -> DiagnosticStatus:
         status, elapsed_s = self._driver.status, self._increments.elapsed_s
         received = sum(new[kind] for kind in FrameKind)
         late_s = 1e-9 * max(self._driver.late_ns, time.time_ns() - self._driver.read_ns)
@@ -84,9 +103,11 @@ class DriverDiagnostics:
             "queue_drops": status.queue_drops,
             "clock_offset_s": f"{status.clock.offset_s:.3f}" if status.clock else "",
         }
-        return self._publisher.status("CAN bus", *self._bus_level(new, received, late_s), values)
+        return self._publisher.status("CAN bus", *self._bus_level(new, received, late_s, stray), values)
 
-    def _bus_level(self, new: Mapping[Any, int], received: int, late_s: float) -> tuple[bytes, str]:
+    def _bus_level(
+        self, new: Mapping[Any, int], received: int, late_s: float, stray: str
+    ) -> tuple[bytes, str]:
         """Level and message of the bus: an error, or all warnings since the previous status."""
         status, publishers = self._driver.status, self._strain_publishers()
         clock = status.clock
@@ -98,7 +119,7 @@ class DriverDiagnostics:
             return DiagnosticStatus.ERROR, f"{status.controller}: wrong bit rate, wiring or termination"
         discarded = ", ".join(f"{new[kind]} {kind.name.lower()}" for kind in _SUSPECT if new[kind])
         errors = ", ".join(f"{new[kind]} {kind}" for kind in dict(status.errors) if new.get(kind))
-        foreign = 0 if received else status.foreign
+        foreign = 0 if new[FrameKind.DATA] else status.foreign + new[FrameKind.UNKNOWN_ID]
         place = f"on {self._driver.bus.channel}"
         warnings = {
             f"{new['drops']} frames dropped, receive queue full": new["drops"],
@@ -107,7 +128,7 @@ class DriverDiagnostics:
             f"discarded frames: {discarded}".replace("_", " "): discarded,
             f"bus errors: {errors}": errors,
             status.controller: status.controller != ERROR_ACTIVE,
-            f"idle: {foreign} frames {place}, none with an identifier of the DBC": foreign,
+            f"idle: {foreign} frames {place}, none with an identifier of the DBC{stray}": foreign,
             f"the sender's clock jumped by {clock.jump_s if clock else 0.0:+.3f} s": new["clock jumps"],
         }
         if any(warnings.values()):
@@ -118,7 +139,9 @@ class DriverDiagnostics:
             text += f"; the sender's clock is {abs(clock.offset_s):.1f} s {side}"
         return DiagnosticStatus.OK, text
 
-    def _phalanx_status(self, name: str, counts: dict[str, int], new: Mapping[Any, int]) -> DiagnosticStatus:
+    def _phalanx_status(
+        self, name: str, counts: dict[str, int], new: Mapping[Any, int], misfit: str, suspect: str
+    ) -> DiagnosticStatus:
         new_of_phalanx = {what: new[name, what] for what in counts}
         last_ns = counts.pop("last_ns")
         # Not until now: frames that wait in the queue are the reader's fault, not the phalanx's.
@@ -128,9 +151,11 @@ class DriverDiagnostics:
             "age_s": "" if age_s is None else f"{age_s:.3f}",
             **counts,
         }
-        return self._publisher.status(name, *self._level(new_of_phalanx, age_s), values)
+        if misfit and not new_of_phalanx["samples"]:
+            return self._publisher.status(name, DiagnosticStatus.ERROR, misfit, values)
+        return self._publisher.status(name, *self._level(new_of_phalanx, age_s, suspect), values)
 
-    def _level(self, new: Mapping[str, int], age_s: float | None) -> tuple[bytes, str]:
+    def _level(self, new: Mapping[str, int], age_s: float | None, suspect: str) -> tuple[bytes, str]:
         """Level and message of a phalanx: the most severe problem since the previous status."""
         if age_s is None and self._driver.counts.cycles:
             return DiagnosticStatus.ERROR, "silent: no frames received, while other phalanges send"
@@ -139,10 +164,10 @@ class DriverDiagnostics:
         if age_s > self._stale_timeout_s:
             return DiagnosticStatus.ERROR, f"stale: no frames for {age_s:.1f} s"
         if new["faults"]:
-            return DiagnosticStatus.ERROR, "fault reported by the load cell"
+            return DiagnosticStatus.ERROR, f"fault reported by the load cell: {suspect}"
         received = new["samples"] + new["missing"]
         if new["saturated"]:
-            text = "saturated"
+            text = f"saturated: {suspect}"
         elif new["restarts"]:
             text = "the counter restarted: the load cell restarted, or another one has its identifiers"
         elif new["jumps"] > max(_MIN_JUMPS, _JUMPS_FRACTION * received):

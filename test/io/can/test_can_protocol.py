@@ -178,17 +178,113 @@ def test_a_long_frame_is_padded_as_the_bus_does(tmp_path: Path) -> None:
     np.testing.assert_allclose(strain_in(hand, [frame]), 1.5)
 
 
-def test_filters_pass_exactly_the_messages_in_use() -> None:
+def passes(hand: LoadCellProtocol, identifier: int, extended: bool) -> bool:
+    return any(
+        one["can_id"] & one["can_mask"] == identifier & one["can_mask"] and one.get("extended") == extended
+        for one in hand.filters
+    )
+
+
+def test_filters_pass_the_messages_in_use_and_their_identifiers_of_another_length() -> None:
     hand = protocol(["middle"])
     passed = {
         (identifier, extended)
         for identifier in range(0x800)
         for extended in (False, True)
-        if any(
-            f["can_id"] == identifier & f["can_mask"] and f.get("extended") == extended for f in hand.filters
-        )
+        if passes(hand, identifier, extended)
     }
-    assert passed == {(0x104, False), (0x105, False)}
+    assert passed == {(number, extended) for number in (0x104, 0x105) for extended in (False, True)}
+
+
+J1939 = (
+    HEAD
+    + """BO_ 2566852862 index: 8 hand
+ SG_ gauge_1 : 0|16@1- (0.001,0) [0|0] "V" hand
+
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
+BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
+BA_ "VFrameFormat" BO_ 2566852862 3;
+"""
+)
+
+
+@pytest.mark.parametrize(
+    ("dbc", "frame", "kind", "reason"),
+    [
+        (CLASSIC, {"data": bytes(4)}, FrameKind.WRONG_LENGTH, "0x102 index_a: 4 bytes instead of 8"),
+        (CLASSIC, {"data": bytes(12)}, FrameKind.WRONG_LENGTH, "0x102 index_a: 12 bytes instead of 8"),
+        (CLASSIC, {"is_remote_frame": True}, FrameKind.REMOTE, "0x102 index_a: remote frames"),
+        (
+            CLASSIC,
+            {"is_extended_id": True},
+            FrameKind.UNKNOWN_ID,
+            "0x102 index_a: an identifier of 29 bits instead of 11",
+        ),
+        (
+            CLASSIC.replace("BO_ 258", f"BO_ {258 + (1 << 31)}"),
+            {},
+            FrameKind.UNKNOWN_ID,
+            "0x102 index_a: an identifier of 11 bits instead of 29",
+        ),
+        (
+            J1939,
+            {"arbitration_id": 0x18FF1021, "is_extended_id": True},
+            FrameKind.UNKNOWN_ID,
+            "0x18FF1021 differs from 0x18FF10FE index only in the address of its sender",
+        ),
+    ],
+)
+def test_frames_that_resemble_a_message_are_explained(
+    tmp_path: Path, dbc: str, frame: dict[str, Any], kind: FrameKind, reason: str
+) -> None:
+    hand = LoadCellProtocol(write(tmp_path / "own.dbc", dbc), ["index"])
+    defaults = {"arbitration_id": 0x102, "is_extended_id": False, "data": bytes(8)}
+    sent = can.Message(**{**defaults, **frame}, is_fd=len(frame.get("data", b"")) > 8)
+    found, slot, _ = hand.classify(sent)
+    assert found == kind
+    assert passes(hand, sent.arbitration_id, sent.is_extended_id), "the kernel lets it pass"
+    assert reason in hand.misfit(sent, slot)
+
+
+def test_other_frames_resemble_no_message() -> None:
+    for extended in (False, True):
+        frame = can.Message(arbitration_id=0x302, is_extended_id=extended)
+        assert protocol().classify(frame) == (FrameKind.UNKNOWN_ID, -1, 0)
+
+
+STATUS = (
+    HEAD
+    + """BO_ 16 index: 8 hand
+ SG_ gauge_1 : 0|16@1- (0.0001,0) [0|65535] "V" hand
+ SG_ status : 32|2@1+ (1,0) [0|3] "" hand
+
+VAL_ 16 status 0 "starting" 1 "valid" 2 "overload" 3 "broken wire" ;
+"""
+)
+
+
+@pytest.mark.parametrize("ok", [(1,), (1, 2)])
+def test_a_status_is_a_fault_unless_it_is_listed(tmp_path: Path, ok: tuple[int, ...]) -> None:
+    names = SignalNames(status_ok=ok)
+    hand = LoadCellProtocol(write(tmp_path / "own.dbc", STATUS), ["index"], names=names)
+    for status, name in enumerate(("starting", "valid", "overload", "broken wire")):
+        data = data_of(hand, hand.encode(0, np.array([1.0]), 0, status))
+        assert hand.decode(data)[1].tolist() == [0 if status in ok else FAULT]
+        assert hand.explain(0, data) == (
+            "" if status in ok else f"status {status} ({name}) is not in status_ok"
+        )
+
+
+def test_saturation_is_explained_by_the_range_of_the_dbc(tmp_path: Path) -> None:
+    hand = LoadCellProtocol(write(tmp_path / "own.dbc", STATUS), ["index"])
+    data = bytearray((-1000).to_bytes(8, "little", signed=True))
+    data[4:] = bytes(4)
+    assert hand.decode(data)[1].tolist() == [SATURATED]
+    assert hand.explain(0, data) == "gauge_1 is -0.1 V, with the range [0|65535] V in the DBC"
+    hand = protocol(["index"], "loadcells_fd.dbc")
+    voltages = np.zeros(8)
+    voltages[6] = 5.0
+    assert hand.explain(0, data_of(hand, hand.encode(0, voltages, sequence=0))).startswith("gauge_7 is 2.04")
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig"])
