@@ -244,7 +244,7 @@ def _sweeps(scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Config
     return Section(
         "Error along the sweeps",
         figures=[
-            (_svg(error, "error"), "Each line is a sweep: grey while open, coloured while converged."),
+            (_svg(error, "error"), "Error, and what the estimate says of it, along each sweep."),
             (_svg(paths, "paths"), "Where the palm was, and what the estimate claimed there."),
         ],
         folded=[table],

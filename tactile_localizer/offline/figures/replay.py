@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import convergence_criteria
@@ -49,12 +50,13 @@ def replay_figure(
             plot.plot(travel, values, color=SEARCHING, linewidth=0.8)
             for claim, colour in ((sweep.converged, CONVERGED), (wrong, WRONG)):
                 plot.plot(travel, np.where(claim, values, np.nan), color=colour, linewidth=1.2)
-    titles = ("error, mm (green: converged; red: wrong)", "standard deviation, mm")
+    titles = ("error, mm", "standard deviation, mm")
     for plot, title in zip(plots, titles, strict=True):
         plot.set_ylabel(title)
         plot.set_ylim(bottom=0.0)
         plot.grid(alpha=0.3)
     plots[1].set_xlabel(travel_label(sweeps))
+    _add_legend(figure)
     return figure
 
 
@@ -75,11 +77,11 @@ def paths_figure(
     figure = Figure(figsize=size_in, layout="constrained")
     plot = figure.subplots()
     criteria = convergence_criteria(scene, configuration)
-    for order, sweep in enumerate(sweeps):
+    for sweep in sweeps:
         wrong = relative_error(scene, sweep, criteria) > 1.0
         places = sweep.mean if sweep.truth is None else sweep.truth
         x = display_units(scene.axis_names[0], places[:, 0])
-        y = np.full(len(sweep), float(order))
+        y = np.full(len(sweep), float(sweep.number))
         if scene.dimension > 1:
             y = display_units(scene.axis_names[1], places[:, 1])
         if sweep.truth is not None:
@@ -89,15 +91,22 @@ def paths_figure(
             plot.plot(x, np.where(claim, y, np.nan), color=colour, lw=2.0)
     plot.set_xlabel(axis_label(scene.axis_names[0]))
     plot.set_ylabel(axis_label(scene.axis_names[1]) if scene.dimension > 1 else "sweep")
+    if scene.dimension == 1:
+        plot.yaxis.set_major_locator(MaxNLocator(integer=True))
     if scene.dimension > 1:
         corners = [display_units(axis.name, np.array([axis.lower, axis.upper])) for axis in scene.axes[:2]]
         (left, right), (low, high) = corners
         plot.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ec="0.8", zorder=0))
         plot.set_aspect("auto" if "yaw" in scene.axis_names[:2] else "equal")
+    _add_legend(figure)
+    return figure
+
+
+def _add_legend(figure: Figure) -> None:
+    """What the colours of estimates mean, above the plots."""
     claims = {"not converged": SEARCHING, "converged": CONVERGED, "converged, wrong": WRONG}
     handles = [Line2D([], [], color=colour, lw=2.0, label=name) for name, colour in claims.items()]
     figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False)
-    return figure
 
 
 def travel_label(sweeps: Sequence[ReplayedSweep]) -> str:
