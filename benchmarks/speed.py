@@ -43,7 +43,7 @@ from rows import Row, print_rows, write_rows
 
 from tactile_localizer.io.can.assembler import CycleAssembler
 from tactile_localizer.io.can.protocol import LoadCellProtocol
-from tactile_localizer.io.csv.recording import read_rows
+from tactile_localizer.io.csv.rows import read_rows
 from tactile_localizer.resources import resource_path
 
 CAN_RATE_HZ = 500.0
@@ -56,8 +56,9 @@ def commands(folder: Path) -> dict[str, float]:
     train, test = (next(folder.glob(f"{name}.csv*")) for name in ("train", "test"))
     with tempfile.TemporaryDirectory() as name:
         scan, two = f"{name}/scan", Path(name, "two.csv")
-        rows = [cells for _, (_, cells) in zip(range(3), read_rows(test), strict=False)]
-        two.write_text("\n".join(map(",".join, rows)))
+        header, rows = read_rows(test)
+        cells = [header.names, *(cells for _, (_, cells) in zip(range(2), rows, strict=False))]
+        two.write_text("\n".join(map(",".join, cells)))
         replay = ["replay", test, "--scan", scan]
         return {
             "import of the package": processor_s("import tactile_localizer.cli.replay"),

@@ -19,7 +19,7 @@ from tactile_localizer.errors import SceneError, printable
 from tactile_localizer.io.csv.columns import ColumnNaming, MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import join, scan_of
+from tactile_localizer.io.recording import join, scan_of, with_detected_sweeps
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene, save_scene
@@ -41,10 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from_bag = kinds.add_parser("bag", help="one or more bags: SQLite or MCAP, directory or file")
     from_bag.add_argument("files", nargs="+", metavar="BAG", help="directory, *.mcap or *.db3")
     add_bag_arguments(from_bag)
-    text = "detect sweeps in the motion; one_way: without the return strokes (default: as they were recorded)"
-    from_bag.add_argument("--detect-sweeps", choices=("both_ways", "one_way"), help=text)
     for kind, proposed in ((from_csv, " (default: a proposed one, written beside the scan)"), (from_bag, "")):
         add_gap_argument(kind)
+        text = "detect sweeps in the motion; one_way: without the return strokes (default: as recorded)"
+        kind.add_argument("--detect-sweeps", choices=("both_ways", "one_way"), help=text)
         text = f"scene file (YAML), or the name of a shipped one{proposed}"
         kind.add_argument("--scene", required=not proposed, help=text)
         kind.add_argument(
@@ -57,13 +57,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Import, and print the numbers of sweeps and pairs, skipped samples and findings."""
     scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else None
-    detail = {"files": args.files}
+    detail = {"files": args.files, "detect_sweeps": args.detect_sweeps}
     if args.kind == "csv":
         naming = naming_from_arguments(args)
         detail |= {"columns": naming_to_dict(naming), "poses": args.poses}
         try:
             scene = scene or _proposed(args, naming)
             recording = read_csv(args.files, scene, naming, poses=args.poses, max_gap_s=args.max_gap)
+            if detector := _detector(args, scene):
+                recording = with_detected_sweeps(recording, detector)
         except MissingColumnError as error:
             for line in error.template.splitlines():
                 print(printable(line))
@@ -73,11 +75,8 @@ def run(args: argparse.Namespace) -> int:
         from tactile_localizer.io.bags.recording import read_bag
 
         assert scene is not None
-        detail |= {"detect_sweeps": args.detect_sweeps}
-        one_way = args.detect_sweeps == "one_way"
-        detector = SweepDetector(scene.axes, one_way=one_way) if args.detect_sweeps else None
-        options = bag_options(args, scene)
-        recording = join([read_bag(file, scene, detector=detector, **options) for file in args.files])
+        options = bag_options(args, scene) | {"detector": _detector(args, scene)}
+        recording = join([read_bag(file, scene, **options) for file in args.files])
     scene.cells(_CELL_M / levers(scene))
     what = f"import {args.kind}"
     notes = import_recording(recording, scene, args.output, what=what, detail=detail, force=args.force)
@@ -86,6 +85,12 @@ def run(args: argparse.Namespace) -> int:
     for note in (*notes, *findings(scan_of(made, scene), scene, made.sweeps)):
         print(f"  {printable(note)}")
     return 0
+
+
+def _detector(args: argparse.Namespace, scene: Scene) -> SweepDetector | None:
+    if args.detect_sweeps is None:
+        return None
+    return SweepDetector(scene.axes, one_way=args.detect_sweeps == "one_way")
 
 
 def _proposed(args: argparse.Namespace, naming: ColumnNaming) -> Scene:

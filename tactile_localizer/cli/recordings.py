@@ -125,7 +125,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -
 
 
 def read_recordings(args: argparse.Namespace, scene: Scene, paths: Sequence[str]) -> tuple[Recording, bool]:
-    """The joined recordings, and whether their positions are true (otherwise they are the arm's).
+    """The joined recordings, and whether their positions are true where they have no other truth.
 
     Raises
     ------
@@ -163,7 +163,10 @@ def odometry_from_arguments(
         As :func:`read_recordings`.
     """
     recording, true_positions = read_recordings(args, scene, paths)
-    if not true_positions:
+    with_truth = [sweep for sweep in recording.sweeps if sweep.truth is not None]
+    if true_positions and 0 < len(with_truth) < len(recording.sweeps):
+        raise ScanError(f"{recording.source}: expected true positions beside the arm's in all or in none")
+    if with_truth or not true_positions:
         return recording, RECORDED
     # The noise must not use the random stream of the localizer, which is that of the filter node.
     noise = np.random.default_rng([args.seed, 1])

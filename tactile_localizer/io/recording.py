@@ -13,6 +13,7 @@ import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 from tactile_localizer.scene import LARGEST_STRAIN, Scene
@@ -112,17 +113,36 @@ def join(recordings: Sequence[Recording]) -> Recording:
     ----------
     recordings : at least one, all with the same axes, phalanges and channels
     """
-    sweeps: list[RecordedSweep] = []
+    sweeps: dict[int, RecordedSweep] = {}
+    largest = 0
     for sweep in (sweep for recording in recordings for sweep in recording.sweeps):
-        taken = {other.number for other in sweeps}
-        number = sweep.number if sweep.number not in taken else max(taken) + 1
-        sweeps.append(replace(sweep, number=number))
+        number = largest + 1 if sweep.number in sweeps else sweep.number
+        sweeps[number], largest = replace(sweep, number=number), max(largest, number)
     return Recording(
         source=", ".join(recording.source for recording in recordings),
-        sweeps=tuple(sweeps),
+        sweeps=tuple(sweeps.values()),
         notes=tuple(note for recording in recordings for note in recording.notes),
         lost=sum(recording.lost for recording in recordings),
     )
+
+
+def with_detected_sweeps(recording: Recording, detector: SweepDetector) -> Recording:
+    """The recording with the sweeps that a detector finds in the motion, numbered from 1.
+
+    The samples outside of them are left out and noted.
+    """
+    found: list[RecordedSweep] = []
+    for sweep in recording.sweeps:
+        detector.reset()
+        pairs = zip(sweep.stamp_ns.tolist(), sweep.position, strict=True)
+        numbers = np.array([detector.update(*pair) for pair in pairs], dtype=int)
+        gaps = sweep.gaps
+        for number in sorted({*numbers.tolist()} - {0}):
+            found.append(sweep.part(numbers == number, number, gaps))
+            gaps = 0
+    outside = len(recording) - sum(map(len, found))
+    note = f"{outside} of {len(recording)} samples are in no detected sweep"
+    return replace(recording, sweeps=tuple(found), notes=(*recording.notes, *[note] * (outside > 0)))
 
 
 def scan_of(recording: Recording, scene: Scene) -> Scan:

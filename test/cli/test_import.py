@@ -65,7 +65,7 @@ def test_a_csv_with_standard_columns_is_imported(folder, run):
     output = printed.splitlines()
     assert (status, output[0]) == (0, "scans/new/bump_scan: 4 sweeps, 197 pairs")
     assert counts(output) == [(1, 200), (2, 199)]
-    assert "line 9: 0.07, 0, " in output[1]
+    assert "line 9, column index_2: expected a number, found 'broken'" in output[1]
     store = ScanFolder("scans/new/bump_scan")
     assert [sweep.number for sweep in store.recording().sweeps] == [0, 1, 2, 3]
     assert store.scene == SCENE
@@ -176,6 +176,55 @@ def test_a_proposal_has_every_axis(folder, run):
 
 def test_a_proposal_in_millimetres_is_noticed(folder, run):
     assert "(positions in mm? --column x=NAME*0.001)" in run(f"{touch_and_poses(folder, 1e3)} -o own_scan")[1]
+
+
+def test_sweeps_of_a_csv_are_detected_in_one_or_both_directions(folder, run):
+    rows = [[0.01 * n, abs(0.05 - 0.001 * (n % 100)), *sheet_rows()[n][4:12]] for n in range(200)]
+    write_csv(folder / "a.csv", rows, STANDARD)
+    for directions, sweeps in (("both_ways", 4), ("one_way", 2)):
+        printed = run(f"csv a.csv --scene line.yaml --detect-sweeps {directions} -o {directions}")[1]
+        assert f"{directions}: {sweeps} sweeps, " in printed
+        assert "samples are in no detected sweep" in printed
+    assert ScanFolder("one_way").history()[0]["detect_sweeps"] == "one_way"
+    write_csv(folder / "b.csv", [[row[0], 0.02, *row[2:]] for row in rows], STANDARD)
+    refusal = run("csv b.csv --scene line.yaml --detect-sweeps one_way -o b_scan")[2]
+    assert "200 of 200 samples are in no detected sweep" in refusal
+
+
+def test_a_position_that_never_changes_is_a_finding(folder, run):
+    write_csv(folder / "a.csv", [[row[0], 0.02, *row[2:]] for row in slid()], STANDARD)
+    assert "the position does not change over" in run("csv a.csv -o a_scan")[1]
+
+
+def test_strain_and_poses_of_two_clocks_are_refused_with_both_ranges(folder, run):
+    touch_and_poses(folder)
+    naming = "--column finger=taxel1..19 --column x=px"
+    clocks = "--column stamp_s=time+1763990000 --column pose_stamp_s=t_ms*0.001"
+    status, _, refusal = run(f"csv touch.csv --poses poses.csv {naming} {clocks} -o own_scan")
+    assert status == 2
+    assert "strain from 1763990000.000 to 1763990004.950 s, poses from 0.000 to 4.967 s" in refusal
+    assert "--column pose_stamp_s=t_ms-SECONDS shifts them" in refusal
+    shifted = clocks.replace("*0.001", "*0.001+1763990000")
+    assert run(f"csv touch.csv --poses poses.csv {naming} {shifted} -o own_scan")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        ["L1", "L2", "L3", "R1", "R2", "R3"],
+        ["left_fx", "left_fy", "left_fz", "right_fx", "right_fy", "right_fz"],
+        ["Left 1, N", "Left 2, N", "Left 3, N", "Right 1, N", "Right 2, N", "Right 3, N"],
+        ["/left/strain[0]", "/left/strain[1]", "/left/strain[2]", "/r[0]", "/r[1]", "/r[2]"],
+    ],
+)
+def test_the_phalanges_of_own_column_names_are_proposed(folder, run, columns):
+    write_csv(folder / "own.csv", slid(channels=6), ["stamp_s", "x", *columns])
+    status, printed, _ = run("csv own.csv -o own_scan")
+    assert status == 2
+    (folder / "naming.yaml").write_text(printed)
+    status, printed, _ = run("csv own.csv --columns naming.yaml -o own_scan")
+    assert status == 0
+    assert load_scene("own_scan.scene.yaml").layout.counts == (3, 3)
 
 
 def test_missing_columns_print_a_naming_to_fill_in(folder, run):

@@ -174,6 +174,21 @@ def test_a_bag_has_odometry_and_perhaps_ground_truth(bump_folder: Path, capsys) 
     assert "errors are unknown" in capsys.readouterr().out
 
 
+def test_a_csv_with_true_positions_beside_the_arms_has_odometry(bump_folder: Path, capsys) -> None:
+    write_short(200)
+    header, *rows = [line.split(",") for line in Path("short.csv").read_text().splitlines()]
+    rows = [[*row, *row[2:4]] for row in rows]
+    drifted = [[*row[:2], f"{4.0 + float(row[2]):.7f}", *row[3:]] for row in rows]
+    lines = map(",".join, [[*header, "true_x", "true_y"], *drifted])
+    Path("arm.csv").write_text("\n".join(lines) + "\n")
+    assert run("replay arm.csv --scan bump_scan --config fast --json arm.json") < 2
+    found = document("arm.json")
+    assert found["summary"]["odometry"] == "recorded"
+    assert found["updates"][-1]["truth"][0] == pytest.approx(float(rows[-1][2]))
+    assert run("replay arm.csv test.csv --scan bump_scan --config fast") == 2
+    assert "expected true positions beside the arm's in all or in none" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -10,7 +10,7 @@ import numpy as np
 from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.scene import Axis
 
-_STILL, _STILL_S = 1e-5, 1.0
+_STILL, _STILL_S = 1e-5, 0.5
 """Range of positions that do not change, m (yaw: rad), less than a load cell resolves; shortest time, s."""
 _MIN_COUNT = 5
 """Number of positions, jumps or steps below which nothing is reported."""

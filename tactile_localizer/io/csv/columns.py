@@ -2,11 +2,12 @@
 
 For example::
 
-    stamp_s: timestamp * 0.001      # column * factor to the package's unit
+    stamp_s: timestamp * 0.001              # column * factor to the package's unit
+    stamp_s: sec + nanosec * 1e-9 - 1.7e9   # stamps may be a sum, and have an offset, s
     x: position_mm * 0.001
-    index: gauge1..8                # a phalanx: one column per channel
-    middle: [a, b, c, d, e, f, g, h]
-    strain_unit: counts             # default: V
+    index: gauge1..8                        # a phalanx: one column per channel
+    middle: ["Force 1, N", "Force 2, N"]    # names in a list are taken as they are
+    strain_unit: counts                     # default: V
 
 A position in the column of the stamps, as ``x: timestamp * 1e-5``, is a constant speed from the start of
 each sweep on. Quantities without an entry have their standard names: ``stamp_s``, ``sweep``, the axis,
@@ -15,6 +16,7 @@ each sweep on. Quantities without an entry have their standard names: ``stamp_s`
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,17 +29,34 @@ from tactile_localizer.errors import ParameterError, ScanError, listed
 from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.scene import AXIS_NAMES, MOST_CHANNELS, Scene
 
+FELT, SWEEP = "felt", "sweep"
+TRUE = {axis: f"true_{axis}" for axis in AXIS_NAMES}
+"""Quantities of the true position, by axis."""
+STAMPS = ("stamp_s", "pose_stamp_s")
+_OTHERS = (*STAMPS, SWEEP, FELT, *AXIS_NAMES, *TRUE.values())
+"""Quantities that are no phalanges."""
 _RANGE = re.compile(r"(.*?)([0-9]{1,9})\.\.([0-9]{1,9})")
-_GENERAL = ("stamp_s", "pose_stamp_s", "sweep")
+_SIGN = r"\s*(?<![0-9.][eE])(?<!\*)(?<!\*\s)"
+"""Before a + or - that is not part of a number."""
+_OFFSET = re.compile(_SIGN + r"([-+]\s*[0-9.]+(?:[eE][-+]?[0-9]+)?)$")
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Column names of one quantity, the factor that converts them to the package's unit, and both as text."""
+    """Columns of one quantity.
+
+    Parameters
+    ----------
+    names : one per channel of a phalanx; those of a stamp are added up
+    factors : of each column, to the package's unit
+    offset : added to a stamp, s
+    given : the YAML form
+    """
 
     names: tuple[str, ...]
-    scale: Decimal = Decimal(1)
-    text: str = ""
+    factors: tuple[Decimal, ...]
+    offset: Decimal = Decimal(0)
+    given: str | list[str] = ""
 
 
 @dataclass(frozen=True)
@@ -46,7 +65,7 @@ class ColumnNaming:
 
     Parameters
     ----------
-    columns : columns by quantity: ``stamp_s``, ``sweep``, an axis or a phalanx
+    columns : columns by quantity: ``stamp_s``, ``sweep``, ``felt``, an axis, ``true_<axis>`` or a phalanx
     strain_unit : unit of the strain values, for display
     """
 
@@ -56,7 +75,7 @@ class ColumnNaming:
     def of(self, quantity: str, channels: int = 0) -> Columns:
         """Columns of a quantity; standard ones are those of a phalanx if it has ``channels``."""
         standard = channel_names(quantity, channels) if channels else (quantity,)
-        return self.columns.get(quantity, Columns(standard))
+        return self.columns.get(quantity, Columns(standard, (Decimal(1),) * len(standard)))
 
     def check(self, scene: Scene) -> None:
         """Require that the naming matches a scene.
@@ -64,16 +83,20 @@ class ColumnNaming:
         Raises
         ------
         ScanError
-            It names a quantity that the scene does not have, or several columns for one value.
+            It names a quantity that the scene does not have, or several columns for one value; a phalanx has
+            the name of another quantity.
         """
-        known = (*_GENERAL, *scene.axis_names, *scene.phalanx_names)
+        if taken := [name for name in scene.phalanx_names if name in _OTHERS]:
+            raise ScanError(f"phalanx {taken[0]}: expected a name other than {', '.join(_OTHERS)}")
+        unknown = {*AXIS_NAMES, *TRUE.values()} - {*scene.axis_names, *map(TRUE.get, scene.axis_names)}
+        known = [name for name in (*_OTHERS, *scene.phalanx_names) if name not in unknown]
         for quantity, columns in self.columns.items():
             if quantity not in known:
                 raise ScanError(
                     f"column naming {quantity!r}: expected one of {', '.join(known)}, strain_unit"
                 )
-            if quantity not in scene.phalanx_names and len(columns.names) > 1:
-                raise ScanError(f"column naming {quantity!r}: expected 1 column, got {columns.text}")
+            if quantity in {*_OTHERS} - {*STAMPS} and len(columns.names) > 1:
+                raise ScanError(f"column naming {quantity!r}: expected 1 column, got {columns.given}")
 
 
 class MissingColumnError(ScanError):
@@ -95,19 +118,20 @@ def missing_column(
 ) -> MissingColumnError:
     """Error about a quantity without a column, with a naming to fill in."""
     axes = scene.axis_names if scene else AXIS_NAMES
-    counts = phalanges_in(header, naming) or {"finger": DEFAULT_CHANNELS}
-    if scene:
-        counts = {each.name: each.channels for each in scene.phalanges}
-    hints = {"stamp_s": "time of the row, s; from ms: NAME * 0.001"}
+    counts = {each.name: each.channels for each in scene.phalanges} if scene else phalanges_in(header, naming)
+    proposed = {} if counts else {name: json.dumps(each) for name, each in _groups(header, naming).items()}
+    counts = counts or dict.fromkeys(proposed or ("finger",), DEFAULT_CHANNELS)
+    hints = {"stamp_s": "time of the row, s; from ms: NAME * 0.001; of two: SEC + NANOSEC * 1e-9"}
     hints["pose_stamp_s"] = "the same in a file of --poses, if it has another name"
     hints |= dict.fromkeys(axes, "position of the palm, m (yaw: rad); from mm: NAME * 0.001")
     hints |= {name: f"{count} columns: NAME1..{count}, or [NAME, ...]" for name, count in counts.items()}
+    hints |= dict.fromkeys(proposed, "a proposed phalanx, or leave it out")
     lines = [f"# columns found: {listed(header)}"]
     for name, hint in hints.items():
         if f"{name}_1" not in header:
-            found = naming.columns[name].text if name in naming.columns else name * (name in header)
-            lines.append(f"{name}: {found}".ljust(24) + f"  # {hint}")
-    example = f"{quantity}=NAME{'1..8' * (quantity not in (*_GENERAL, *AXIS_NAMES))}"
+            found = naming.columns[name].given if name in naming.columns else name * (name in header)
+            lines.append(f"{name}: {proposed.get(name, found)}".ljust(24) + f"  # {hint}")
+    example = f"{quantity}=NAME{'1..8' * (quantity not in _OTHERS)}"
     return MissingColumnError(
         f"{path}: expected a column for {quantity} ({', '.join(naming.of(quantity).names)}), found "
         f"{listed(header) or 'no header'}; fill in the naming above and pass it by --columns FILE, or pass "
@@ -118,18 +142,28 @@ def missing_column(
 
 def phalanges_in(header: Sequence[str], naming: ColumnNaming) -> dict[str, int]:
     """Number of channels of each phalanx that a naming or numbered columns ``<phalanx>_1``, ... give."""
-    named = {
-        name: columns for name, columns in naming.columns.items() if name not in (*_GENERAL, *AXIS_NAMES)
-    }
-    counts = {name: len(columns.names) for name, columns in named.items()}
-    used = {column for columns in naming.columns.values() for column in columns.names}
-    names = set(header)
+    counts = {name: len(each.names) for name, each in naming.columns.items() if name not in _OTHERS}
+    used, names = _used(naming), set(header)
     for column in header:
         phalanx, first = column[:-2], column.endswith("_1")
-        if phalanx and first and column not in used and phalanx not in counts:
+        if phalanx and first and column not in used and phalanx not in {*counts, *_OTHERS}:
             numbers = range(1, MOST_CHANNELS + 1)
             counts[phalanx] = next((n for n in numbers if f"{phalanx}_{n + 1}" not in names), MOST_CHANNELS)
     return counts
+
+
+def _used(naming: ColumnNaming) -> set[str]:
+    return {column for columns in naming.columns.values() for column in columns.names}
+
+
+def _groups(header: Sequence[str], naming: ColumnNaming) -> dict[str, list[str]]:
+    """Columns without a meaning by what they have in common before a number or a short ending."""
+    groups: dict[str, list[str]] = {}
+    for column in header:
+        match = re.fullmatch(r"(.+?)(?:[\W_]*[0-9]+.*|[\W_]+[A-Za-z]{1,2})", column)
+        if match and column not in {*_used(naming), *_OTHERS}:
+            groups.setdefault(re.sub(r"\W+", "_", match[1]).strip("_") or "finger", []).append(column)
+    return {name: columns for name, columns in groups.items() if len(columns) > 1}
 
 
 def channel_names(phalanx: str, channels: int) -> tuple[str, ...]:
@@ -167,9 +201,9 @@ def naming_from_dict(content: Any) -> ColumnNaming:
     return ColumnNaming({name: _columns(name, value) for name, value in given.items()}, unit)
 
 
-def naming_to_dict(naming: ColumnNaming) -> dict[str, str]:
+def naming_to_dict(naming: ColumnNaming) -> dict[str, Any]:
     """YAML form of a naming, which :func:`naming_from_dict` reads back."""
-    columns = {quantity: columns.text for quantity, columns in naming.columns.items()}
+    columns = {quantity: columns.given for quantity, columns in naming.columns.items()}
     return columns | {"strain_unit": naming.strain_unit}
 
 
@@ -191,24 +225,39 @@ def naming_from_pairs(pairs: Sequence[str], base: ColumnNaming) -> ColumnNaming:
 
 
 def _columns(quantity: str, value: Any) -> Columns:
-    """Columns of names or ranges ``NAME1..8``, with commas between them and perhaps a factor behind."""
+    """Columns of a list of names, or of a text with factors and, for a phalanx, commas."""
     where = f"column naming {quantity!r}"
-    if isinstance(value, list) and value and all(isinstance(each, str) for each in value):
-        value = ", ".join(value)
-    if not isinstance(value, str):
+    if not isinstance(value, str | list) or not value or not all(isinstance(each, str) for each in value):
         raise ScanError(f"{where}: expected a column's name or a list of names, got {value!r:.80}")
-    names, star, factor = (part.strip() for part in value.partition("*"))
-    try:
-        scale = Decimal(factor) if star else Decimal(1)
-    except InvalidOperation:
-        scale = Decimal(0)
-    if not scale.is_finite() or scale == 0:
-        raise ScanError(f"{where}: expected a number after *, other than 0, got {factor!r:.80}")
-    found: list[str] = []
-    for name in map(str.strip, names.split(",")):
+    offset = Decimal(0)
+    if isinstance(value, list):
+        terms = [[name] for name in value]
+    elif quantity in STAMPS:
+        text, *shift = _OFFSET.split(value)
+        offset = _number(shift[0].replace(" ", ""), where) if shift else offset
+        terms = [term.split("*", 1) for term in re.split(_SIGN + r"\+", text)]
+    else:
+        text, *factor = value.split("*", 1)
+        terms = [[name, *factor] for name in ([text] if quantity in _OTHERS else text.split(","))]
+    names: list[str] = []
+    factors: list[Decimal] = []
+    for name, *factor in terms:
+        name = name.strip()
         match = _RANGE.fullmatch(name)
         first, last = (int(match[2]), int(match[3])) if match else (0, 0)
         if not 0 <= last - first < MOST_CHANNELS:
             raise ScanError(f"{where}: expected 1 to {MOST_CHANNELS} columns, got {name!r:.80}")
-        found += [f"{match[1]}{index}" for index in range(first, last + 1)] if match else [name]
-    return Columns(tuple(found), scale, value)
+        found = [f"{match[1]}{index}" for index in range(first, last + 1)] if match else [name]
+        names += found
+        factors += [_number(factor[0], where) if factor else Decimal(1)] * len(found)
+    return Columns(tuple(names), tuple(factors), offset, value)
+
+
+def _number(text: str, where: str) -> Decimal:
+    try:
+        number = Decimal(text)
+    except InvalidOperation:
+        number = Decimal(0)
+    if not number.is_finite() or number == 0:
+        raise ScanError(f"{where}: expected a number after *, + or -, other than 0, got {text!r:.80}")
+    return number

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import ColumnNaming, missing_column, phalanges_in
-from tactile_localizer.io.csv.recording import read_csv, read_rows
+from tactile_localizer.io.csv.recording import read_csv
+from tactile_localizer.io.csv.rows import read_rows
 from tactile_localizer.scene import (
     AXIS_NAMES,
     DEFAULT_MOTION_STD,
@@ -47,7 +49,11 @@ def propose_scene(
         A file cannot be read.
     """
     path, beside = Path(paths[0]), Path((*poses, *paths)[0])
-    header, places = (next(read_rows(each), (0, []))[1] for each in (path, beside))
+    known = [
+        *AXIS_NAMES,
+        *(name for quantity in ("stamp_s", *naming.columns) for name in naming.of(quantity).names),
+    ]
+    header, places = (read_rows(each, known)[0].names for each in (path, beside))
     axes = [axis for axis in AXIS_NAMES if axis in {*naming.columns, *places}]
     if not axes:
         raise missing_column(beside, places, "x", naming, None)
@@ -58,6 +64,10 @@ def propose_scene(
     largest = {axis: math.pi if axis == "yaw" else LARGEST_POSITION for axis in axes}
     anywhere = Scene(name, tuple(Axis(axis, -largest[axis], largest[axis]) for axis in axes), phalanges)
     recording = read_csv(paths, anywhere, naming, poses=poses)
+    if not len(recording):
+        raise ScanError(
+            f"{recording.source}: expected strain with a position, found none: {'; '.join(recording.notes)}"
+        )
     position = np.concatenate([sweep.position for sweep in recording.sweeps])
     columns = {each.name: naming.of(each.name, each.channels).names for each in phalanges}
     assumptions = [
