@@ -20,6 +20,7 @@ from std_srvs.srv import Trigger
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.can.bus import BusSettings, parse_options
+from tactile_localizer.io.can.commands import Commands, parse_frame
 from tactile_localizer.io.can.driver import LoadCellDriver
 from tactile_localizer.io.can.layout import SignalNames
 from tactile_localizer.io.can.protocol import LoadCellProtocol
@@ -65,6 +66,12 @@ class DriverNode(ManagedNode):
             parameters["channel"],
             parse_options(parameters["bus_options"]),
             parameters["receive_buffer"],
+            Commands(
+                [parse_frame(text) for text in parameters["start_frames"]],
+                [parse_frame(text) for text in parameters["stop_frames"]],
+                parse_frame(parameters["sync_frame"]) if parameters["sync_frame"] else None,
+                parameters["sync_period_s"],
+            ),
         )
         self._use_sim_time = self.get_parameter("use_sim_time").value
         self._tare_file = _tare_path(parameters["tare_file"], self.get_namespace())

@@ -24,6 +24,15 @@ PARAMETERS = (
         "receive_buffer", 1 << 20, "Receive buffer of the kernel; 0 for its default", "byte", 0, 1 << 28
     ),
     Parameter(
+        "start_frames",
+        [],
+        "Frames that start the load cells, each as candump prints it, such as ['064#0B']; "
+        "sent when the bus opens and while a load cell is silent",
+    ),
+    Parameter("stop_frames", [], "Frames that stop the load cells, sent when the node is deactivated"),
+    Parameter("sync_frame", "", "Frame that synchronizes or polls the load cells, such as '080#' or '181#R'"),
+    Parameter("sync_period_s", 0.01, "Period at which sync_frame is sent", "s", 0.0005, 10.0),
+    Parameter(
         "period_s",
         0.0,
         "Period of the load cells; a cycle holds what is received within half of it. 0: estimated",

@@ -18,6 +18,7 @@ import yaml
 from can.interfaces.socketcan import SocketcanBus
 
 from tactile_localizer.errors import CanError
+from tactile_localizer.io.can.commands import Commands
 from tactile_localizer.io.can.error_frames import CONTROLLER_STATES
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.yaml_file import in_one_line, parse_yaml
@@ -50,12 +51,14 @@ class BusSettings:
     channel : channel of the interface, such as ``can0`` or ``239.74.163.2``
     options : further arguments of the interface, such as ``bitrate`` or ``port``
     receive_buffer : size of the kernel's receive buffer, bytes; 0: the default
+    commands : frames to send
     """
 
     interface: str
     channel: str
     options: Mapping[str, Any] = field(default_factory=dict)
     receive_buffer: int = 0
+    commands: Commands = field(default_factory=Commands)
 
     def __str__(self) -> str:
         return f"{self.interface} {self.channel}"

@@ -55,6 +55,9 @@ RETRY_S = 0.1
 _POLL_PERIOD_S = 0.5
 """Period of reading the interface and its receive queue, s; diagnostics are published every second."""
 
+SILENCE_S = 2.0
+"""Time without frames of a load cell after which the load cells are started again, s."""
+
 
 @dataclass
 class BusStatus:
@@ -137,6 +140,7 @@ class LoadCellDriver:
         self._thread: threading.Thread | None = None
         self._drops_before = 0  # of earlier buses
         self._next_poll_s = 0.0
+        self._started_s = 0.0  # system time at which the load cells were last started
         self._is_foreign = True  # whether no frame was read since the last poll
         self._empty_s = 0.0  # system time at which the bus was last found empty
         self._jumps_logged = 0  # of the sender's clock
@@ -194,7 +198,8 @@ class LoadCellDriver:
                 if bus is None:
                     self._deliver([])
                     bus = self._open_bus()
-                self._read(bus)
+                self._read(bus)  # until the thread is to stop
+                self._command(self.bus.commands.end, bus)
             except Exception as error:
                 self._wait_for_bus(error)
                 is_down = getattr(error, "error_code", None) == errno.ENETDOWN
@@ -309,8 +314,22 @@ class LoadCellDriver:
             self._jumps_logged = clock.jumps
             self._log(f"clock of the sender: jumped by {clock.jump_s:+.3f} s")
         if link is None or link.is_up:
+            self._start_load_cells(bus)
             self._set_open()
             self._set_controller((link and link.controller) or self.status.controller)
+
+    def _start_load_cells(self, bus: can.BusABC) -> None:
+        """Send the start frames if the bus has just opened, or a load cell is silent."""
+        now_s, last_s = time.time(), 1e-9 * min(cell.last_ns for cell in self.counts.phalanges)
+        if self.status.state != OPEN or now_s - max(last_s, self._started_s) > SILENCE_S:
+            self._started_s = now_s
+            self._command(self.bus.commands.begin, bus)
+
+    def _command(self, command: Callable[[can.BusABC], None], bus: can.BusABC) -> None:
+        try:
+            command(bus)
+        except Exception as error:  # interfaces raise many types of exceptions; reading continues
+            self._log(f"CAN bus: frames could not be sent: {error.__cause__ or error}")
 
     def _read_queue(self, bus: can.BusABC) -> None:
         self.status.queue = receive_queue(bus) or ReceiveQueue(0, 0)

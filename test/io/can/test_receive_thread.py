@@ -8,12 +8,14 @@ from collections.abc import Callable, Iterator
 
 import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 from support.load_cells import protocol
 from support.waiting import Deadline, wait_until
 
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can import driver
 from tactile_localizer.io.can.bus import AbsentBusError, BusSettings, ReceiveQueue
+from tactile_localizer.io.can.commands import Commands, parse_frame
 from tactile_localizer.io.can.driver import CLOSED, OPEN, WAITING, LoadCellDriver
 from tactile_localizer.io.can.error_frames import (
     BUS_OFF,
@@ -29,10 +31,10 @@ from tactile_localizer.io.can.error_frames import (
 class Line(LoadCellDriver):
     """A driver at one end of a virtual bus, which keeps the frames; its interface can be taken away."""
 
-    def __init__(self, channel: str, up: bool = True) -> None:
+    def __init__(self, channel: str, up: bool = True, commands: Commands | None = None) -> None:
         self.log: list[str] = []
         self.notes: list[str] = []
-        bus = BusSettings("virtual", channel)
+        bus = BusSettings("virtual", channel, commands=commands or Commands())
         super().__init__(protocol(), bus, print, self.log.append, self.notes.append)
         self.assembler.reset = self._interrupted  # type: ignore[method-assign]
         self.channel = channel
@@ -187,6 +189,85 @@ def test_frames_before_a_bus_off_are_used_before_it(line: Callable[..., Line]) -
     one.up = True
     one.wait_for(1, 2, 0x40, 3)
     assert received == [[], [1, 2], [1, 2]], "the bus opens, goes off and returns"
+
+
+def sent_to(one: Line) -> list[str]:
+    """Frames that the load cells have received."""
+    found = []
+    while (frame := one.sender.recv(0)) is not None:
+        found.append(f"{frame.arbitration_id:03X}#{frame.data.hex().upper()}")
+    return found
+
+
+def test_load_cells_are_started_with_the_bus_and_again_while_one_is_silent(
+    line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(driver, "_POLL_PERIOD_S", 0.0)
+    one = line(commands=Commands(start=[parse_frame("064#0B"), parse_frame("065#0B")]))
+    wait_until(lambda: one.status.state == OPEN, "the bus")
+    assert sent_to(one) == ["064#0B", "065#0B"]
+    one.counts.phalanges[0].last_ns = time.time_ns() + 10**12
+    monkeypatch.setattr(driver, "SILENCE_S", 0.0)
+    wait_until(lambda: sent_to(one), "the start frames, because the other load cell is silent")
+    one.counts.phalanges[1].last_ns = time.time_ns() + 10**12
+    for expected in (None, []):
+        batches = len(one.batches)
+        wait_until(lambda: len(one.batches) > batches + 3, "more polls")  # noqa: B023
+        assert sent_to(one) == expected or expected is None
+    one.opened[-1].shutdown()
+    wait_until(lambda: one.status.reconnects == 1, "the bus again")
+    assert sent_to(one) == ["064#0B", "065#0B"]
+
+
+def test_load_cells_are_synchronized_and_then_stopped(
+    line: Callable[..., Line],
+) -> None:
+    commands = Commands(sync=parse_frame("080#"), sync_period_s=0.01, stop=[parse_frame("064#0C")])
+    one = line(commands=commands)
+    received: list[str] = []
+    wait_until(lambda: received.extend(sent_to(one)) or len(received) > 5, "six frames")  # type: ignore[func-returns-value]
+    assert set(received) == {"080#"}
+    assert one.stop()
+    assert sent_to(one)[-1] == "064#0C"
+    time.sleep(0.05)
+    assert sent_to(one) == [], "five periods later"
+
+
+def test_frames_that_cannot_be_sent_are_logged_and_reading_continues(
+    line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(bus: can.BusABC, frame: can.Message, timeout: float | None = None) -> None:
+        raise can.CanOperationError("transmit buffer full")
+
+    monkeypatch.setattr(VirtualBus, "send", refuse)
+    one = line(commands=Commands(start=[parse_frame("064#0B")]))
+    wait_until(lambda: one.status.state == OPEN, "the bus")
+    assert one.log == ["CAN bus: frames could not be sent: transmit buffer full"]
+
+
+@pytest.mark.parametrize(
+    ("text", "identifier", "data", "kind"),
+    [
+        ("064#0B", 0x64, "0b", "is_rx"),
+        ("18FF1021#", 0x18FF1021, "", "is_extended_id"),
+        ("00000064#0b0C", 0x64, "0b0c", "is_extended_id"),
+        ("181#R", 0x181, "", "is_remote_frame"),
+        ("064##1" + 12 * "0B", 0x64, 12 * "0b", "bitrate_switch"),
+    ],
+)
+def test_frames_are_written_as_candump_prints_them(text: str, identifier: int, data: str, kind: str) -> None:
+    frame = parse_frame(text)
+    assert (frame.arbitration_id, frame.data.hex()) == (identifier, data)
+    assert getattr(frame, kind)
+    assert frame.is_extended_id == (len(text.partition("#")[0]) == 8)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "064", "64#0B", "064#0", "800#", "20000000#", "064#" + 9 * "00", "064#0B 1", "x"]
+)
+def test_other_texts_are_no_frames(text: str) -> None:
+    with pytest.raises(CanError, match="as candump prints it, such as 064#0B"):
+        parse_frame(text)
 
 
 def test_bugs_in_the_receiver_do_not_end_the_thread(line: Callable[..., Line]) -> None:

@@ -1,0 +1,66 @@
+"""Frames that load cells need: those that start, synchronize or poll, and stop them."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import can
+from can import CanutilsLogReader
+from can.broadcastmanager import ThreadBasedCyclicSendTask
+
+from tactile_localizer.errors import CanError
+
+_FRAME = re.compile(
+    r"([0-7][0-9A-F]{2}|[01][0-9A-F]{7})#(R[0-8]?|([0-9A-F]{2}){0,8}|#[0-3]([0-9A-F]{2}){0,64})",
+    re.IGNORECASE,
+)
+
+
+@dataclass(frozen=True)
+class Commands:
+    """Frames to send; none by default.
+
+    Parameters
+    ----------
+    start : sent when the bus opens, and while load cells are silent
+    stop : sent before the bus is closed on purpose
+    sync : sent every ``sync_period_s``, s
+    """
+
+    start: Sequence[can.Message] = ()
+    stop: Sequence[can.Message] = ()
+    sync: can.Message | None = None
+    sync_period_s: float = 0.01
+
+    def begin(self, bus: can.BusABC) -> None:
+        """Send the start frames, and begin to send the other one periodically."""
+        bus.stop_all_periodic_tasks()
+        for frame in self.start:
+            bus.send(frame)
+        if self.sync is not None:
+            task = bus.send_periodic(self.sync, self.sync_period_s)
+            if isinstance(task, ThreadBasedCyclicSendTask):
+                task.on_error = lambda error: True  # continue: the bus can recover
+
+    def end(self, bus: can.BusABC) -> None:
+        """End what was begun, and send the stop frames."""
+        bus.stop_all_periodic_tasks()
+        for frame in self.stop:
+            bus.send(frame)
+
+
+def parse_frame(text: str) -> can.Message:
+    """A frame as candump prints it: ``064#0B``, ``18FF1021#01``, ``064#R`` (remote), ``064##10B`` (CAN FD).
+
+    Raises
+    ------
+    CanError
+        ``text`` is no such frame.
+    """
+    if not _FRAME.fullmatch(text):
+        raise CanError(f"frame {text!r}: expected IDENTIFIER#DATA as candump prints it, such as 064#0B")
+    (frame,) = CanutilsLogReader(io.StringIO(f"(0) can {text}"))
+    return frame
