@@ -64,6 +64,10 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
         add(f"--{name}-topic", default=topic, metavar="TOPIC", help=f"{text} (default: {topic})")
     text = "adapter from other messages to strain (docs/sensors.md): a file, or the name of a shipped one"
     add("--adapter", metavar="YAML", help=text)
+    text = "folder of .msg files: a bag of Foxy or Humble has no definitions of messages"
+    add("--definitions", metavar="FOLDER", help=text)
+    text = "frame of the palm, looked up in --reference-frame on /tf and /tf_static, in place of --pose-topic"
+    add("--palm-frame", default="", metavar="FRAME", help=text)
     text = "frame of poses that need no transform"
     add("--material-frame", default="material", metavar="FRAME", help=text)
     text = "frame of poses to transform by --material-pose"
@@ -84,7 +88,8 @@ def bag_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     topics = {name: getattr(args, f"{name}_topic") for name in TOPICS}
     frame = PalmFrame(scene.axes, args.material_frame, args.reference_frame, args.material_pose)
     adapter = load_adapter(given_or_shipped(args.adapter, "config/adapters")) if args.adapter else None
-    return {"topics": topics, "frame": frame, "max_gap_s": args.max_gap, "adapter": adapter}
+    options = {"topics": topics, "frame": frame, "palm_frame": args.palm_frame, "max_gap_s": args.max_gap}
+    return {**options, "adapter": adapter, "definitions": args.definitions}
 
 
 def naming_from_arguments(

@@ -12,11 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.geometry.palm_motion import describe_motion
+from tactile_localizer.core.geometry.runs import LATE, runs_of
+from tactile_localizer.core.geometry.synchronization import describe_gaps
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
-from tactile_localizer.scene import LARGEST_STRAIN, Scene
+from tactile_localizer.scene import LARGEST_STRAIN, Axis, Scene
 
 NO_CONTACT = (-1, -1)
 ENDED = "ended"
@@ -200,6 +203,43 @@ def in_order(
     return rows
 
 
+def late_notes(run: np.ndarray, what: str) -> Iterator[str]:
+    """A line about samples, called ``what``, whose run (n,) is :data:`LATE`."""
+    if late := int(np.sum(run == LATE)):
+        yield f"skipped {late} of {len(run)} {what} whose stamps do not increase"
+
+
+def pose_notes(
+    what: str,
+    axes: tuple[Axis, ...],
+    stamp_ns: np.ndarray,
+    pose_ns: np.ndarray,
+    position: np.ndarray,
+    max_gap_s: float,
+) -> Iterator[str]:
+    """Findings about poses that strain is paired with: another clock, slow ones, an implausible motion.
+
+    Parameters
+    ----------
+    what : their source, for the lines
+    axes : the d axes
+    stamp_ns : (n,) stamps of the strain, ns
+    pose_ns, position : (m,) and (m, d) stamps of the poses, ns, and palm positions, m (yaw: rad)
+    max_gap_s : longest time between two poses across which is interpolated, s
+    """
+    if not len(pose_ns):
+        return
+    if gaps := describe_gaps(stamp_ns, pose_ns, max_gap_s):
+        yield f"{what}: {gaps}"
+    run = runs_of(pose_ns)
+    motions = (
+        describe_motion(axes, pose_ns[run == number], position[run == number], moves=False)
+        for number in range(run.max() + 1)
+    )
+    if motion := next(filter(None, motions), ""):
+        yield f"{what}: {motion}"
+
+
 def usable(status: np.ndarray) -> np.ndarray:
     """Phalanges that a filter may use: those whose status is OK.
 
@@ -239,7 +279,7 @@ def screen(scene: Scene, position: np.ndarray, strain: np.ndarray, status: np.nd
     return np.select([~complete, saturated, ~inside], [MISSING, SATURATED, OUTSIDE], USABLE)
 
 
-_BAG_EXTENSIONS = (".mcap", ".db3")
+BAG_EXTENSIONS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 SCENE_OF_SCAN = "scene.yaml"
 """File that makes a folder a scan."""
 
@@ -253,8 +293,8 @@ def is_scan(path: Path) -> bool:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a bag: a folder that is not a scan, or a file with the extension of a bag."""
+    """Whether a path is a bag: a folder that is not a scan, or a file with an extension of bags."""
     try:
-        return path.suffix in _BAG_EXTENSIONS or (path.is_dir() and not is_scan(path))
+        return path.name.endswith(BAG_EXTENSIONS) or (path.is_dir() and not is_scan(path))
     except OSError:  # the name is too long
         return False

@@ -21,13 +21,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
+from tactile_localizer.core.geometry.runs import LATE, NANOSECONDS, STRAIN, Runs
 from tactile_localizer.errors import MeasurementError, ParameterError, did_you_mean
 from tactile_localizer.io.status import MISSING, OK
 from tactile_localizer.io.yaml_file import load_yaml, mapping
@@ -41,7 +41,6 @@ _FIELDS = {
     "std_msgs/msg/Float64MultiArray": "data",
 }
 """Types that need no field."""
-_NANOSECONDS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class StrainSource:
     ----------
     phalanx : name of the phalanx
     topic, kind : topic and type of the messages
-    field : field of the values, with dots between nested fields
+    field : field of the values, with dots between nested fields; of an array of messages, that of each
     channels : number of channels
     scale : factor to the unit of the scan
     """
@@ -73,16 +72,26 @@ class StrainSource:
             The message lacks the field, or it has a different number of values.
         """
         try:
-            value = reduce(getattr, self.field.split("."), message)
+            found = _values(message, self.field.split("."))
             if self.kind == WRENCH:
-                value = [getattr(part, axis) for part in (value.force, value.torque) for axis in "xyz"]
-            values = self.scale * np.asarray(value, dtype=np.float64).ravel()
+                (wrench,) = found
+                found = [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"]
+            values = self.scale * np.hstack([[], *found]).astype(np.float64)
         except (AttributeError, TypeError, ValueError):
             raise MeasurementError(f"{self.topic}: expected numbers in field {self.field}") from None
         if len(values) != self.channels:
             text = f"expected {self.channels} channels for phalanx {self.phalanx}, got {len(values)}"
             raise MeasurementError(f"{self.topic}: {text}")
         return values if np.isfinite(values).all() else np.full(self.channels, np.nan)
+
+
+def _values(value: Any, names: Sequence[str]) -> list[Any]:
+    """Values of a nested field, of every element where there are arrays of messages."""
+    for depth, name in enumerate(names):
+        if isinstance(value, list):
+            return [found for each in value for found in _values(each, names[depth:])]
+        value = getattr(value, name)
+    return [value]
 
 
 class StrainVector(NamedTuple):
@@ -109,8 +118,8 @@ class StrainAdapter:
         self.phalanges = tuple(source.phalanx for source in sources)
         self.layout = ChannelLayout(tuple(source.channels for source in sources))
         self.topics = {source.topic: source.kind for source in sources}
-        self._max_age_ns = round(max_age_s * _NANOSECONDS)
-        self._newest: dict[int, tuple[int, np.ndarray]] = {}
+        self._max_age_ns = round(max_age_s * NANOSECONDS)
+        self.reset()
 
     def feed(self, topic: str, message: Any, received_ns: int) -> StrainVector | None:
         """Process a message; returns a strain vector if it belongs to the first phalanx and is not late.
@@ -121,18 +130,18 @@ class StrainAdapter:
             The message lacks a field, or has a different number of channels.
         """
         stamp = getattr(getattr(message, "header", None), "stamp", None)
-        stamp_ns = int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec) if stamp is not None else 0
+        stamp_ns = int(stamp.sec) * NANOSECONDS + int(stamp.nanosec) if stamp is not None else 0
         stamp_ns = stamp_ns or received_ns
         given = [index for index, source in enumerate(self.sources) if source.topic == topic]
-        previous_ns, _ = self._newest.get(0, (-1, None))
-        if 0 in given and 0 <= previous_ns - stamp_ns < _NANOSECONDS:
-            return None  # late or a duplicate; earlier still, the clock has jumped back
+        if 0 in given and self._runs.add(STRAIN, stamp_ns) == LATE:
+            return None
         self._newest |= {index: (stamp_ns, self.sources[index].read(message)) for index in given}
         return self._vector(stamp_ns) if 0 in given else None
 
     def reset(self) -> None:
         """Forget all values."""
-        self._newest.clear()
+        self._newest: dict[int, tuple[int, np.ndarray]] = {}
+        self._runs = Runs()
 
     def _vector(self, stamp_ns: int) -> StrainVector:
         strain = np.full(self.layout.size, np.nan)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 from collections import Counter
-from functools import partial, reduce
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -108,9 +108,15 @@ def message_type(source: StrainSource) -> Any:
         kind = getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError, TypeError):
         raise ParameterError(f"type {source.kind}: expected an installed message type, found none") from None
+    inner: Any = kind
     try:
-        reduce(getattr, source.field.split("."), kind())
-    except AttributeError:
+        for field in source.field.split("."):
+            slot: Any = dict(zip(inner.get_fields_and_field_types(), inner.SLOT_TYPES, strict=True))[field]
+            slot = getattr(slot, "value_type", slot)  # of an array
+            if hasattr(slot, "namespaces"):  # a message
+                slot = getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
+            inner = slot
+    except (AttributeError, KeyError):
         text = f"expected a field of {source.kind}, found none"
         raise ParameterError(f"field {source.field}: {text}") from None
     return kind

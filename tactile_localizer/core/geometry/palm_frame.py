@@ -40,7 +40,7 @@ class PalmFrame:
             raise ParameterError(
                 f"material_pose: expected x, y, z, roll, pitch, yaw, got {list(material_pose)}"
             )
-        self.material_frame = material_frame
+        self.material_frame, self.reference_frame = material_frame, reference_frame
         self.dimension = len(axes)
         self._names = tuple(axis.name for axis in axes)
         self._from = {material_frame: (np.eye(3).tolist(), [0.0] * 3)}

@@ -46,6 +46,34 @@ def near_bounds(axes: tuple[Axis, ...], positions: np.ndarray) -> np.ndarray:
     return positions
 
 
+def brackets(
+    known_ns: np.ndarray, stamp_ns: np.ndarray, max_gap_s: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What is known before and after stamps, and where they lie in between.
+
+    Parameters
+    ----------
+    known_ns : (m,) stamps of what is known, ns, ascending; at least one
+    stamp_ns : (n,) stamps, ns
+    max_gap_s : longest time between the two known stamps around a stamp, s
+
+    Returns
+    -------
+    before, after : (n,) int, rows of what is known; equal where a stamp is known
+    fraction : (n,) of the way from before to after
+    found : (n,) bool; false before the first known stamp, after the last, and in gaps
+    """
+    after = np.searchsorted(known_ns, stamp_ns)
+    inside = after < len(known_ns)
+    after = np.minimum(after, len(known_ns) - 1)
+    exact = known_ns[after] == stamp_ns
+    inside &= exact | (after > 0)
+    before = np.where(exact, after, np.maximum(after - 1, 0))
+    span = known_ns[after] - known_ns[before]
+    fraction = (stamp_ns - known_ns[before]) / np.maximum(span, 1)
+    return before, after, fraction, inside & (span <= round(max_gap_s * NANOSECONDS))
+
+
 def interpolate_poses(
     axes: tuple[Axis, ...],
     pose_ns: np.ndarray,
@@ -69,23 +97,14 @@ def interpolate_poses(
     found : (n,) bool; false before the first pose, after the last, and in gaps
     """
     positions = np.full((len(stamp_ns), len(axes)), math.nan)
-    found = np.zeros(len(stamp_ns), dtype=bool)
     if not len(pose_ns):
-        return positions, found
-    after = np.searchsorted(pose_ns, stamp_ns)
-    inside = after < len(pose_ns)
-    after = np.minimum(after, len(pose_ns) - 1)
-    exact = pose_ns[after] == stamp_ns
-    inside &= exact | (after > 0)
-    before = np.where(exact, after, np.maximum(after - 1, 0))
-    span = pose_ns[after] - pose_ns[before]
-    found = inside & (span <= round(max_gap_s * NANOSECONDS))
-    fraction = ((stamp_ns - pose_ns[before]) / np.maximum(span, 1))[:, None]
+        return positions, np.zeros(len(stamp_ns), dtype=bool)
+    before, after, fraction, found = brackets(pose_ns, stamp_ns, max_gap_s)
     step = poses[after] - poses[before]
     for column, axis in enumerate(axes):
         if axis.name == "yaw":
             step[:, column] = wrap_angle(step[:, column])
-    positions[found] = near_bounds(axes, poses[before] + fraction * step)[found]
+    positions[found] = near_bounds(axes, poses[before] + fraction[:, None] * step)[found]
     return positions, found
 
 

@@ -1,4 +1,4 @@
-"""Reading messages from bags (SQLite or MCAP) with rosbags."""
+"""Decoding of messages of bags, by the definitions in the bag, in a folder, or of ROS 2 and this package."""
 
 from __future__ import annotations
 
@@ -8,14 +8,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+import zstandard
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from tactile_localizer.errors import ScanError, SceneError
+from tactile_localizer.io.bags.storage import Topic, read_storage
+from tactile_localizer.io.whole_file import open_file
 from tactile_localizer.resources import resource_path
 
 MESSAGES = ("StrainVectors", "ScanStatus", "Posterior")
+_ZSTD = b"\x28\xb5\x2f\xfd"
+"""First bytes of a compressed message."""
+_MOST_BYTES = 2**26
+"""Largest compressed message of unknown size, bytes."""
+_IDL = "=" * 80 + "\nIDL: "
+"""Line above each of several definitions."""
 
 
 class Wanted(NamedTuple):
@@ -23,82 +31,95 @@ class Wanted(NamedTuple):
 
     Parameters
     ----------
-    kind : expected message type, such as ``geometry_msgs/msg/PoseStamped``
+    kinds : accepted message types, such as ``geometry_msgs/msg/PoseStamped``
     convert : makes the value that is kept of a message and its time of receipt, ns; ``None`` is not kept
     """
 
-    kind: str
+    kinds: tuple[str, ...]
     convert: Callable[[Any, int], Any]
+
+
+class Received(NamedTuple):
+    """What is kept of a message, and the time of its receipt, ns."""
+
+    topic: str
+    received_ns: int
+    value: Any
 
 
 @dataclass
 class BagMessages:
-    """Converted messages by topic, in order of receipt.
+    """Converted messages in the order of receipt.
 
     Parameters
     ----------
-    by_topic : values by wanted topic; topics without messages are missing
+    received : of the wanted topics
     topics : message type by topic, of all topics in the bag
     invalid : number of messages that cannot be decoded or converted, and the first reason, by topic
     """
 
-    by_topic: dict[str, list[Any]] = field(default_factory=dict)
+    received: list[Received] = field(default_factory=list)
     topics: dict[str, str] = field(default_factory=dict)
     invalid: dict[str, list[Any]] = field(default_factory=dict)
 
     def notes(self) -> list[str]:
         """One line per topic with invalid messages."""
+        valid = Counter(each.topic for each in self.received)
         return [
-            f"skipped {count} of {count + len(self.by_topic.get(topic, ()))} messages of {topic}: {reason}"
+            f"skipped {count} of {count + valid[topic]} messages of {topic}: {reason}"
             for topic, (count, reason) in self.invalid.items()
         ]
 
 
-def read_messages(path: str | Path, wanted: Mapping[str, Wanted]) -> BagMessages:
-    """Read the messages of some topics. A message that cannot be converted is counted.
+def absolute(topic: str) -> str:
+    """A topic as ROS names it; programs that write bags often leave out the first slash."""
+    return f"/{topic.lstrip('/')}"
+
+
+def read_messages(
+    path: str | Path, wanted: Mapping[str, Wanted], definitions: str | Path | None = None
+) -> BagMessages:
+    """Read the messages of some topics; others may be of any kind. One that cannot be converted is counted.
 
     Parameters
     ----------
-    path : a directory with ``metadata.yaml``, or one file: ``*.mcap``, ``*.db3``
-    wanted : topics to read
+    path : a folder, with or without ``metadata.yaml``, or one file: ``*.mcap``, ``*.db3``
+    wanted : topics to read, which begin with a slash
+    definitions : folder of ``.msg`` files, for types that neither the bag nor ROS 2 defines
 
     Raises
     ------
     ScanError
-        There is no such bag, it is damaged or was not closed, or a wanted topic has another message type.
+        There is no such bag, it is damaged or was not closed, or a wanted topic has another message type, or
+        one without a definition.
     """
     path = Path(path)
     found = BagMessages()
     try:
         if not (path.is_dir() or path.is_file()):
-            raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a directory of them), found none")
-        with AnyReader([path], default_typestore=typestore()) as reader:
-            found.topics.update({each.topic: each.msgtype for each in reader.connections})
-            connections = [each for each in reader.connections if each.topic in wanted]
-            expected: Counter[str] = Counter()
-            for each in connections:
-                expected[each.topic] += each.msgcount
-                if each.msgtype != wanted[each.topic].kind:
-                    kind = wanted[each.topic].kind
-                    raise ScanError(f"{path} topic {each.topic}: expected {kind}, found {each.msgtype}")
-            for connection, received_ns, raw in reader.messages(connections) if connections else ():
-                topic = connection.topic
-                expected[topic] -= 1
-                try:
-                    message = reader.deserialize(raw, connection.msgtype)
-                    value = wanted[topic].convert(message, received_ns)
-                    found.by_topic.setdefault(topic, []).extend(() if value is None else (value,))
-                except SceneError:
-                    raise
-                except Exception as error:  # rosbags raises many types of exceptions on damaged bytes
-                    found.invalid.setdefault(topic, [0, _one_line(error)])[0] += 1
-            if missing := {topic: count for topic, count in expected.items() if count}:
-                raise ValueError(f"could not read so many messages of its topics: {missing}")
-    except (ScanError, SceneError):
+            raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a folder of them), found none")
+        topics, messages = read_storage(path, lambda name: absolute(name) in wanted)
+        found.topics = {absolute(topic.name): topic.kind for topic in topics}
+    except ScanError:
         raise
-    except Exception as error:  # as above
+    except Exception as error:  # the libraries raise many types of exceptions on damaged bytes
         repair = "`ros2 bag reindex`, `mcap recover` or sqlite3 `.recover` may repair it"
         raise ScanError(f"{path}: expected a readable bag, {_one_line(error)}; {repair}") from None
+    decoders: dict[Topic, Callable[[bytes], Any]] = {}
+    for topic, received_ns, raw in messages:
+        name = absolute(topic.name)
+        if topic not in decoders:
+            if topic.kind not in (kinds := wanted[name].kinds):
+                raise ScanError(f"{path} topic {name}: expected {' or '.join(kinds)}, found {topic.kind}")
+            decoders[topic] = _decoder(path, topic, definitions)
+        try:
+            value = wanted[name].convert(decoders[topic](raw), received_ns)
+        except SceneError:
+            raise
+        except Exception as error:  # as above
+            found.invalid.setdefault(name, [0, _one_line(error)])[0] += 1
+        else:
+            found.received.extend(() if value is None else (Received(name, received_ns, value),))
     return found
 
 
@@ -109,6 +130,67 @@ def typestore() -> Typestore:
         text = resource_path(f"msg/{name}.msg").read_text(encoding="utf-8")
         store.register(get_types_from_msg(text, f"tactile_localizer/msg/{name}"))
     return store
+
+
+def _decoder(path: Path, topic: Topic, definitions: str | Path | None) -> Callable[[bytes], Any]:
+    """Function that decodes a message of a topic.
+
+    The definition in the bag is used, whose types differ between releases; what it lacks is that of
+    ``definitions``, or of ROS 2 and this package.
+    """
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(_types_in(topic) if topic.definition else {})
+        store.get_msgdef(topic.kind)
+    except Exception as error:  # as above, and KeyError: a type is not defined
+        reason = _one_line(error) if topic.definition else "none, as in all bags of Foxy and Humble"
+        known = typestore().fielddefs | _types_below(definitions, topic.kind)
+        if topic.kind not in known:
+            raise ScanError(
+                f"{path} topic {absolute(topic.name)}: expected a definition of {topic.kind} in the bag, "
+                f"found {reason}; --definitions FOLDER reads .msg files"
+            ) from None
+        store = get_typestore(Stores.EMPTY)
+        store.register(known)
+
+    def decode(raw: bytes) -> Any:
+        if raw[:4] == _ZSTD:
+            raw = zstandard.decompress(raw, max_output_size=_MOST_BYTES)
+        return store.deserialize_cdr(raw, topic.kind)
+
+    return decode
+
+
+def _types_in(topic: Topic) -> dict[str, Any]:
+    """Types that the definition of a topic's messages has."""
+    if topic.language == "ros2msg":
+        return get_types_from_msg(topic.definition, topic.kind)
+    texts = topic.definition.split(_IDL)
+    parts = [text.partition("\n")[2] for text in texts[1:]] or texts
+    return {name: each for text in parts for name, each in get_types_from_idl(text).items()}
+
+
+def _types_below(folder: str | Path | None, kind: str) -> dict[str, Any]:
+    """Types of the ``.msg`` files below a folder: ``skin_msgs/msg/Skin.msg``, or of the package of ``kind``.
+
+    Raises
+    ------
+    ScanError
+        There is none, or one cannot be read.
+    """
+    if folder is None:
+        return {}
+    types: dict[str, Any] = {}
+    for path in sorted(Path(folder).rglob("*.msg")):
+        package = path.parent.parent.name if path.parent.name == "msg" else kind.partition("/")[0]
+        try:
+            with open_file(path) as file:
+                types |= get_types_from_msg(file.read().decode(), f"{package}/msg/{path.stem}")
+        except Exception as error:  # as above
+            raise ScanError(f"{path}: expected a message definition, {_one_line(error)}") from None
+    if not types:
+        raise ScanError(f"{folder}: expected a folder of .msg files, found none")
+    return types
 
 
 def _one_line(error: Exception) -> str:

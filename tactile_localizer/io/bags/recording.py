@@ -2,34 +2,82 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
-from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S, interpolate_poses
+from tactile_localizer.core.geometry.runs import NANOSECONDS, STRAIN, Runs, runs_of
+from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S, pair_recorded
+from tactile_localizer.core.geometry.transforms import Transform, look_up
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
-from tactile_localizer.errors import MeasurementError, ScanError
-from tactile_localizer.io.bags.reader import Wanted, read_messages
+from tactile_localizer.errors import MeasurementError, ScanError, listed
+from tactile_localizer.io.bags.reader import BagMessages, Wanted, absolute, read_messages
 from tactile_localizer.io.bags.sweeps import (
     TOPICS,
     WHOLE_BAG,
+    Change,
     Span,
-    change_of_activity,
     change_of_status,
     localized_spans,
     moving_spans,
+    nanoseconds,
     spans,
     stamp_of,
     travel_of,
 )
-from tactile_localizer.io.recording import RecordedSweep, Recording, in_order
+from tactile_localizer.io.recording import RecordedSweep, Recording, join, late_notes, pose_notes
 from tactile_localizer.io.strain_adapter import StrainAdapter, StrainVector
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.scene import Scene
+
+_POSES = {
+    "geometry_msgs/msg/PoseStamped": "pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose",
+    "nav_msgs/msg/Odometry": "pose.pose",
+    "geometry_msgs/msg/TransformStamped": "transform",
+}
+"""Message types of poses in the frame of the header, and the field of the pose."""
+_TF, _TF_STATIC = "/tf", "/tf_static"
+_MOST_DELAY_NS = NANOSECONDS // 10
+"""Largest difference between the delays of strain and poses, ns (judgement): 5 mm at 50 mm/s."""
+
+
+class _Poses(NamedTuple):
+    """Palm poses in the order of receipt.
+
+    Parameters
+    ----------
+    stamp_ns : (m,) stamps, ns
+    position : (m, d) palm positions, m (yaw: rad), finite
+    strain_before : (m,) number of strain vectors received before each
+    """
+
+    stamp_ns: np.ndarray
+    position: np.ndarray
+    strain_before: np.ndarray
+
+
+class _Arrived(NamedTuple):
+    """A converted message, in the order of receipt.
+
+    Parameters
+    ----------
+    run : run of the strain in which it arrived, or :data:`LATE`
+    strain_before : number of strain vectors before it
+    received_ns : time of receipt, ns
+    """
+
+    value: Any
+    run: int
+    strain_before: int
+    received_ns: int
 
 
 def read_bag(
@@ -38,10 +86,12 @@ def read_bag(
     *,
     topics: Mapping[str, str] | None = None,
     frame: PalmFrame | None = None,
+    palm_frame: str = "",
     max_gap_s: float = DEFAULT_MAX_GAP_S,
     by_status: bool = True,
     detector: SweepDetector | None = None,
     adapter: StrainAdapter | None = None,
+    definitions: str | Path | None = None,
 ) -> Recording:
     """Read a bag as a recording.
 
@@ -51,18 +101,21 @@ def read_bag(
     scene : axes and phalanges to read
     topics : those with other names than in :data:`~tactile_localizer.io.bags.sweeps.TOPICS`
     frame : frames in which palm poses are accepted; default: ``material``, and ``base_link`` untransformed
+    palm_frame : frame of the palm, whose pose is looked up in tf, in place of the topic ``pose``
     max_gap_s : longest gap between poses that is interpolated, s
     by_status : if true, take the sweeps from the mapping node's status; if false, those of the localization:
         while the topic ``active`` is true, or else from each global localization in the filter node's
         posterior. A bag without these topics is one sweep
     detector : detects the sweeps in the motion instead
     adapter : converts messages of other types to strain, in place of the topic ``strain``
+    definitions : folder of ``.msg`` files, for message types that neither the bag nor ROS 2 defines
 
     Returns
     -------
     Recording
-        Strain samples with a position, by sweep; ``gaps`` counts the samples without one. ``truth`` is
-        ``None`` if the bag has no such topic, and NaN in its gaps. The notes count unreadable messages.
+        Strain samples with a position, by sweep; where the stamps jump back, another sweep begins. ``gaps``
+        counts the samples without a position. ``truth`` is ``None`` if the bag has no such topic, and NaN in
+        its gaps. The notes count unreadable messages.
 
     Raises
     ------
@@ -71,73 +124,185 @@ def read_bag(
     SceneError
         The messages or the adapter lack a phalanx of the scene, or have other channels for it.
     """
-    default = {name: topic for name, (topic, _) in TOPICS.items()}
-    names = {name: f"/{topic.lstrip('/')}" for name, topic in {**default, **(topics or {})}.items()}
     frame = frame or PalmFrame(scene.axes, reference_frame="base_link")
+    default = {name: topic for name, (topic, _) in TOPICS.items()}
+    names = {name: absolute(topic) for name, topic in {**default, **(topics or {})}.items()}
     strains = _strain(scene, names["strain"]) if adapter is None else _adapted(adapter, scene)
     names["strain"] = next(iter(strains))
-    wanted = {names[name]: each for name, each in _OTHERS.items()}
-    if len(wanted | strains) < len(_OTHERS) + len(strains):
-        raise ScanError(f"topics: expected different ones, got {', '.join([*names.values(), *strains])}")
-    messages = read_messages(path, wanted | strains)
-    notes, found = messages.notes(), {name: messages.by_topic.get(topic, []) for name, topic in names.items()}
-    for name in ("strain", "pose"):
+    if palm_frame:
+        del names["pose"]
+        names |= {_TF: _TF, _TF_STATIC: _TF_STATIC}
+    messages = read_messages(path, _wanted(names, strains), definitions)
+    found, notes = _by_name(messages, names, strains), messages.notes()
+    for name in ("strain", _TF if palm_frame else "pose"):
         if not found[name]:
-            there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items()))
-            reasons = "; ".join([there or "no topics", *notes])
-            raise ScanError(f"{path}: expected messages of {names[name]}, found {reasons}")
-    stamp_ns, strain, status = map(np.array, zip(*found["strain"], strict=True))
-    rows = in_order(stamp_ns, "strain vectors", notes, 0)
-    stamp_ns, strain, status = stamp_ns[rows], strain[rows], status[rows]
-
-    def palm_positions(name: str) -> tuple[np.ndarray, np.ndarray]:
-        pose_ns, poses = _positions(found[name], frame, names[name], notes)
-        return interpolate_poses(scene.axes, pose_ns, poses, stamp_ns, max_gap_s)
-
-    position, has_position = palm_positions("pose")
-    truth = palm_positions("truth")[0] if found["truth"] else None
-    if detector is not None:
-        sweeps = moving_spans(detector, stamp_ns[has_position], position[has_position])
-    elif by_status:
-        sweeps = spans(found["status"]) if found["status"] else [WHOLE_BAG]
+            raise _nothing_on(path, names[name], messages, notes)
+    stamp_ns, strain, status = map(np.array, zip(*(each.value for each in found["strain"]), strict=True))
+    run = np.array([each.run for each in found["strain"]])
+    notes += late_notes(run, "strain vectors")
+    if palm_frame:
+        poses = _looked_up(found, palm_frame, frame, stamp_ns, run, max_gap_s)
     else:
-        sweeps = localized_spans(found["active"], found["posterior"])
+        poses = _positions(found["pose"], frame, names["pose"], notes)
+        findings = pose_notes(names["pose"], scene.axes, stamp_ns, *poses[:2], max_gap_s)
+        notes += [*findings] or [*_delay_notes(found["strain"], found["pose"], names["pose"])]
+
+    def paired(poses: _Poses) -> tuple[np.ndarray, np.ndarray]:
+        pose_ns, positions, before = poses
+        return pair_recorded(scene.axes, stamp_ns, pose_ns, positions, max_gap_s, before)[:2]
+
+    position, has_position = paired(poses)
+    truth = None
+    if found["truth"]:
+        truth, _ = paired(_positions(found["truth"], frame, names["truth"], notes))
     samples = RecordedSweep(WHOLE_BAG.number, stamp_ns, position, strain, status, truth)
-    return Recording(
-        str(path),
-        tuple(_sweep(samples, has_position, span) for span in sweeps),
-        tuple(notes),
-        sum(count for count, _ in messages.invalid.values()),
+    sweeps: list[RecordedSweep] = []
+    for number in range(run.max() + 1):
+        rows = run == number
+        if detector is not None:
+            moving = rows & has_position
+            parts = moving_spans(detector, stamp_ns[moving], position[moving])
+        else:
+            parts = _spans(found, number, by_status)
+        sweeps += [_sweep(samples, rows, has_position, span) for span in parts]
+    kept = tuple(sweep for sweep in sweeps if len(sweep) or sweep.gaps)
+    lost = sum(count for count, _ in messages.invalid.values())
+    return join([Recording(str(path), kept, tuple(notes), lost)])
+
+
+def _wanted(names: Mapping[str, str], strains: Mapping[str, Wanted]) -> dict[str, Wanted]:
+    """What to read of each topic, of which ``strains`` are those with strain."""
+    others = {topic: _OTHERS[name] for name, topic in names.items() if name != "strain"}
+    if len(others) < len(names) - 1 or others.keys() & strains.keys():
+        used = ", ".join([*names.values(), *list(strains)[1:]])
+        raise ScanError(f"topics: expected different ones, got {used}")
+    return {**others, **strains}
+
+
+def _by_name(
+    messages: BagMessages, names: Mapping[str, str], strains: Mapping[str, Wanted]
+) -> dict[str, list[_Arrived]]:
+    """The messages by the names of their topics, in the order of receipt."""
+    named = {topic: name for name, topic in names.items()} | dict.fromkeys(strains, "strain")
+    found: dict[str, list[_Arrived]] = defaultdict(list)
+    strain = Runs()
+    for topic, received_ns, value in messages.received:
+        name, before = named[topic], len(found["strain"])
+        run = strain.number[STRAIN] if name != "strain" else strain.add(STRAIN, value.stamp_ns)
+        if name == "active":  # which has no stamp
+            value = Change(strain.newest_ns[STRAIN] or 0, value)
+        found[name].append(_Arrived(value, run, before, received_ns))
+    return found
+
+
+def _nothing_on(path: str | Path, topic: str, messages: BagMessages, notes: list[str]) -> ScanError:
+    there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items()))
+    reasons = "; ".join([there or "no topics", *notes])
+    advice = "; --palm-frame FRAME looks the pose up in tf" if _TF in messages.topics and topic != _TF else ""
+    return ScanError(f"{path}: expected messages of {topic}, found {reasons}{advice}")
+
+
+def _delay_notes(strain: Sequence[_Arrived], poses: Sequence[_Arrived], topic: str) -> Iterator[str]:
+    """A finding about poses on ``topic`` whose stamps are far from those of the strain received with them."""
+    behind_ns = (
+        np.median([each.received_ns - stamp_ns for each, stamp_ns in zip(arrived, stamps, strict=True)])
+        for arrived, stamps in (
+            (strain, [each.value.stamp_ns for each in strain]),
+            (poses, [each.value[1] for each in poses]),
+        )
     )
+    ahead_ns = float(next(behind_ns) - next(behind_ns))
+    if abs(ahead_ns) > _MOST_DELAY_NS:
+        way = "ahead of" if ahead_ns > 0.0 else "behind"
+        text = f"stamps are {abs(ahead_ns) / NANOSECONDS:.2g} s {way} the strain received with them"
+        yield f"{topic}: {text}: another clock, or the time of sending?"
 
 
-def _sweep(samples: RecordedSweep, has_position: np.ndarray, span: Span) -> RecordedSweep:
-    """The samples of a span that have a position; samples without one are counted as gaps."""
-    inside = (samples.stamp_ns > span.after_ns) & (samples.stamp_ns <= span.until_ns)
+def _spans(found: Mapping[str, list[_Arrived]], run: int, by_status: bool) -> list[Span]:
+    """Sweeps of a run of the strain, as the nodes report them in the messages ``found`` by name."""
+
+    def until(name: str) -> list[Any]:
+        """Messages until the end of the run; those of the time before it have stamps before all."""
+        until_now = [each for each in found[name] if each.run <= run]
+        stamp_ns = [each.value.stamp_ns if each.run == run else -1 for each in until_now]
+        at_ns = np.minimum.accumulate(stamp_ns[::-1])[::-1].tolist()
+        return [each.value._replace(stamp_ns=at) for each, at in zip(until_now, at_ns, strict=True)]
+
+    if by_status:
+        return spans(until("status")) if found["status"] else [WHOLE_BAG]
+    return localized_spans(until("active"), until("posterior"))
+
+
+def _sweep(samples: RecordedSweep, rows: np.ndarray, has_position: np.ndarray, span: Span) -> RecordedSweep:
+    """Samples (n,) of a span that have a position; those without one are counted as gaps."""
+    inside = rows & (samples.stamp_ns > span.after_ns) & (samples.stamp_ns <= span.until_ns)
     return samples.part(inside & has_position, span.number, gaps=int(np.sum(inside & ~has_position)))
 
 
+def _pose_in(pose: Any) -> tuple[float, ...]:
+    """Position and quaternion of a ``Pose`` or a ``Transform``."""
+    names = ("translation", "rotation") if hasattr(pose, "translation") else ("position", "orientation")
+    p, q = (getattr(pose, name) for name in names)
+    return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+
+
 def _pose(message: Any, received_ns: int) -> tuple[str, int, tuple[float, ...]]:
-    """Frame, stamp (ns), position and quaternion of a ``PoseStamped``."""
-    p, q = message.pose.position, message.pose.orientation
-    return message.header.frame_id, stamp_of(message), (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+    """Frame, stamp (ns), position and quaternion of one of the types of :data:`_POSES`."""
+    pose = attrgetter(_POSES[message.__msgtype__])(message)
+    return message.header.frame_id, stamp_of(message), _pose_in(pose)
+
+
+def _transforms(message: Any, received_ns: int) -> list[Transform]:
+    """Transforms of a ``TFMessage``."""
+    return [
+        Transform(each.header.frame_id, each.child_frame_id, nanoseconds(each), _pose_in(each.transform))
+        for each in message.transforms
+    ]
 
 
 _OTHERS = {
-    "pose": Wanted("geometry_msgs/msg/PoseStamped", _pose),
-    "truth": Wanted("geometry_msgs/msg/PoseStamped", _pose),
-    "status": Wanted("tactile_localizer/msg/ScanStatus", change_of_status),
-    "posterior": Wanted("tactile_localizer/msg/Posterior", travel_of),
-    "active": Wanted("std_msgs/msg/Bool", change_of_activity),
+    "pose": Wanted(tuple(_POSES), _pose),
+    "truth": Wanted(tuple(_POSES), _pose),
+    "status": Wanted(("tactile_localizer/msg/ScanStatus",), change_of_status),
+    "posterior": Wanted(("tactile_localizer/msg/Posterior",), travel_of),
+    "active": Wanted(("std_msgs/msg/Bool",), lambda message, received_ns: int(message.data)),
+    **dict.fromkeys((_TF, _TF_STATIC), Wanted(("tf2_msgs/msg/TFMessage",), _transforms)),
 }
 """Messages by the names of their topics, but for the strain."""
 
 
-def _positions(
-    poses: Sequence[tuple[str, int, tuple[float, ...]]], frame: PalmFrame, topic: str, notes: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps (m,), ns, and palm positions (m, d), m (yaw: rad), of the poses in a known frame."""
-    names, stamp_ns, numbers = (np.array(each) for each in zip(*poses, strict=True))
+def _looked_up(
+    found: Mapping[str, list[_Arrived]],
+    palm_frame: str,
+    frame: PalmFrame,
+    stamp_ns: np.ndarray,
+    run: np.ndarray,
+    max_gap_s: float,
+) -> _Poses:
+    """Poses at the stamps (n,), ns, of strain vectors of runs (n,), looked up in tf as by the nodes."""
+    target = frame.reference_frame
+    static = [each for message in found[_TF_STATIC] for each in message.value]
+    position = np.full((len(run), frame.dimension), np.nan)
+    for number in range(run.max() + 1):
+        moving = [each for message in found[_TF] if message.run == number for each in message.value]
+        rows = np.flatnonzero(run == number)
+        poses, known = look_up(static, moving, target, palm_frame, stamp_ns[rows], max_gap_s)
+        turns = Rotation.from_matrix(poses[:, :3, :3])
+        position[rows[known]] = frame.positions(target, poses[:, :3, 3], turns.as_quat())[known]
+    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
+    if not len(rows):
+        transforms = [each for message in (*found[_TF], *found[_TF_STATIC]) for each in message.value]
+        names = {name.lstrip("/") for each in transforms for name in (each.parent, each.child)}
+        wanted = f"{palm_frame} in {target}"
+        frames = f"frames {listed(sorted(names))}"
+        raise ScanError(f"{_TF}: expected {wanted}, found it at no stamp of the strain; {frames}")
+    return _Poses(stamp_ns[rows], position[rows], rows + 1)
+
+
+def _positions(poses: Sequence[_Arrived], frame: PalmFrame, topic: str, notes: list[str]) -> _Poses:
+    """Poses in a known frame."""
+    names, stamp_ns, numbers = map(np.array, zip(*(each.value for each in poses), strict=True))
+    before = np.array([each.strain_before for each in poses])
     position = np.full((len(names), frame.dimension), np.nan)
     reason = "not finite"
     for name in np.unique(names).tolist():
@@ -149,9 +314,9 @@ def _positions(
     valid = np.isfinite(position).all(axis=1)
     if not valid.all():
         notes.append(f"skipped {np.sum(~valid)} of {len(valid)} poses of {topic}: {reason}")
-    stamp_ns, position = stamp_ns[valid], position[valid]
-    rows = in_order(stamp_ns, f"poses of {topic}", notes, 0)
-    return stamp_ns[rows], position[rows]
+    stamp_ns, position, before = stamp_ns[valid], position[valid], before[valid]
+    notes += late_notes(runs_of(stamp_ns), f"poses of {topic}")
+    return _Poses(stamp_ns, position, before)
 
 
 def _strain(scene: Scene, topic: str) -> dict[str, Wanted]:
@@ -161,7 +326,7 @@ def _strain(scene: Scene, topic: str) -> dict[str, Wanted]:
     def convert(message: Any, received_ns: int) -> StrainVector:
         return StrainVector(stamp_of(message), *reader.read(message))
 
-    return {topic: Wanted("tactile_localizer/msg/StrainVectors", convert)}
+    return {topic: Wanted(("tactile_localizer/msg/StrainVectors",), convert)}
 
 
 def _adapted(adapter: StrainAdapter, scene: Scene) -> dict[str, Wanted]:
@@ -175,6 +340,5 @@ def _adapted(adapter: StrainAdapter, scene: Scene) -> dict[str, Wanted]:
         return vector and StrainVector(vector.stamp_ns, vector.strain[channels], vector.status[rows])
 
     return {
-        f"/{topic.lstrip('/')}": Wanted(kind, partial(convert, topic))
-        for topic, kind in adapter.topics.items()
+        absolute(topic): Wanted((kind,), partial(convert, topic)) for topic, kind in adapter.topics.items()
     }

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
+from tactile_localizer.errors import MeasurementError
 
 TOPICS = {
     "strain": ("/strain", "strain vectors"),
@@ -50,24 +51,32 @@ class Travel(NamedTuple):
 
 
 def stamp_of(message: Any) -> int:
-    """Stamp in the header of a message, ns."""
-    stamp = message.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    """Stamp in the header of a message, ns.
+
+    Raises
+    ------
+    MeasurementError
+        It is 0.
+    """
+    if not (stamp_ns := nanoseconds(message)):
+        raise MeasurementError("expected a stamp, found 0: the clock of the sender has not started")
+    return stamp_ns
 
 
 def change_of_status(message: Any, received_ns: int) -> Change:
     """Convert a ``ScanStatus``."""
-    return Change(stamp_of(message), int(message.sweep) if message.sweep_active else 0)
-
-
-def change_of_activity(message: Any, received_ns: int) -> Change:
-    """Convert a ``Bool``, which is true during a sweep."""
-    return Change(received_ns, int(message.data))
+    return Change(nanoseconds(message), int(message.sweep) if message.sweep_active else 0)
 
 
 def travel_of(message: Any, received_ns: int) -> Travel:
     """Convert a ``Posterior``."""
-    return Travel(stamp_of(message), float(message.travel))
+    return Travel(nanoseconds(message), float(message.travel))
+
+
+def nanoseconds(message: Any) -> int:
+    """Stamp in the header of a message, ns; 0 where it is not filled in."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def moving_spans(detector: SweepDetector, stamp_ns: np.ndarray, position: np.ndarray) -> list[Span]:
@@ -75,10 +84,11 @@ def moving_spans(detector: SweepDetector, stamp_ns: np.ndarray, position: np.nda
 
     Parameters
     ----------
-    detector : in its initial state
+    detector : which is reset
     stamp_ns : (n,) rising stamps, ns
     position : (n, d) palm positions, m (yaw: rad)
     """
+    detector.reset()
     pairs = zip(stamp_ns.tolist(), position, strict=True)
     return spans([Change(stamp - 1, detector.update(stamp, place)) for stamp, place in pairs])
 
@@ -103,6 +113,8 @@ def localized_spans(changes: Sequence[Change], travels: Sequence[Travel]) -> lis
         first_ns = travels[0].stamp_ns if travels else -1
         localized = [span for span in spans(changes) if span.until_ns > first_ns]
         return [Span(number, span.after_ns, span.until_ns) for number, span in enumerate(localized, 1)]
-    resets = [after for before, after in pairwise(travels) if after.travel_m == 0.0 < before.travel_m]
+    # Where the stamps jump back the filter begins anew, so the first of a run is no reset.
+    here = [each for each in travels if each.stamp_ns >= 0]
+    resets = [after for before, after in pairwise(here) if after.travel_m == 0.0 < before.travel_m]
     begun = [Change(each.stamp_ns - 1, number) for number, each in enumerate([*travels[:1], *resets], 1)]
     return spans(begun) or [WHOLE_BAG]

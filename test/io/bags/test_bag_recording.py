@@ -16,6 +16,7 @@ from support.bags import (
     START,
     STORE,
     TYPES,
+    file_of,
     moved,
     pose,
     posterior,
@@ -73,17 +74,14 @@ def test_all_storages_give_the_same_recording(tmp_path, storage, compression):
 def damaged(path, storage):
     """A bag of 20 s and its file."""
     bag = whole(path, storage, last_ms=20_000)
-    (file,) = (file for file in bag.iterdir() if file.name != "metadata.yaml")
-    return bag, file
+    return bag, file_of(bag)
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-@pytest.mark.parametrize("fraction", [0.0, 0.3, 0.7, 1.0])
+@pytest.mark.parametrize("fraction", [0.0, 0.3, 0.7, 0.99])
 def test_a_truncated_bag_is_refused_with_the_commands_that_may_repair_it(tmp_path, storage, fraction):
     bag, file = damaged(tmp_path / "bag", storage)
     file.write_bytes(file.read_bytes()[: round(file.stat().st_size * fraction)])
-    if fraction == 1.0:  # the recorder was killed
-        (bag / "metadata.yaml").unlink()
     with pytest.raises(ScanError, match=r"expected a readable bag.*bag reindex.*mcap recover") as refusal:
         read_bag(bag, SCENE)
     assert "\n" not in str(refusal.value)

@@ -109,11 +109,18 @@ def moved(
     ]
 
 
+def file_of(bag: Path) -> Path:
+    """The file of messages of a bag directory that has one."""
+    (file,) = (path for path in bag.iterdir() if path.name != "metadata.yaml")
+    return file
+
+
 def write_bag(
     path: Path,
     happened: list[tuple[str, int, Any]],
     storage: str = "mcap",
     compression: str = "none",
+    slash: str = "/",
 ) -> Path:
     """Write a bag directory, in the order of receipt; messages given as bytes are written as they are."""
     writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
@@ -121,7 +128,7 @@ def write_bag(
         writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
     with writer:
         connections = {
-            topic: writer.add_connection(f"/{topic}", TYPES[topic], typestore=STORE)
+            topic: writer.add_connection(slash + topic, TYPES[topic], typestore=STORE)
             for topic in dict.fromkeys(topic for topic, _, _ in happened)
         }
         for topic, received_ms, message in sorted(happened, key=lambda entry: entry[1]):

@@ -1,0 +1,228 @@
+"""Files of a bag, SQLite or MCAP: their topics, and undecoded messages in the order of receipt.
+
+Only wanted topics are read, whatever else is in the bag. What a file promises and does not hold is an error.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sqlite3
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
+from typing import Any, BinaryIO, NamedTuple
+
+import yaml
+import zstandard
+from mcap.reader import NonSeekingReader, make_reader
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.recording import BAG_EXTENSIONS
+from tactile_localizer.io.whole_file import open_file
+
+_METADATA = "metadata.yaml"
+_JUMP_NS = 500_000_000
+"""ns by which a time of receipt is earlier than the one before in its topic where the clock was set back."""
+_LOG_HEADER_BYTES, _PAGE_HEADER_BYTES = 32, 24
+"""Of a write-ahead log of SQLite, and of each page in it."""
+
+
+class Topic(NamedTuple):
+    """A topic of a bag.
+
+    Parameters
+    ----------
+    name, kind : topic and message type, such as ``geometry_msgs/msg/PoseStamped``
+    language, definition : ``ros2msg`` or ``ros2idl``, and the definition of the type; empty: there is none
+    """
+
+    name: str
+    kind: str
+    language: str = ""
+    definition: str = ""
+
+
+class Message(NamedTuple):
+    """A message as stored, and the time of its receipt, ns."""
+
+    topic: Topic
+    received_ns: int
+    raw: bytes
+
+
+Contents = tuple[list[Topic], list[Message]]
+"""All topics of a bag, and the messages of the wanted ones."""
+IsWanted = Callable[[str], bool]
+
+
+def read_storage(path: Path, is_wanted: IsWanted) -> Contents:
+    """All topics of a bag, and the messages of those that are wanted by name, in the order of receipt.
+
+    Parameters
+    ----------
+    path : a file, or a folder of files with or without ``metadata.yaml``
+
+    Raises
+    ------
+    Exception
+        The bag is damaged or incomplete; the libraries raise many types.
+    """
+    files, promised = _files(path) if path.is_dir() else ([path], {})
+    topics: list[Topic] = []
+    messages: list[Message] = []
+    for file in files:
+        found = _read_file(file, is_wanted)
+        topics += found[0]
+        messages += found[1]
+    _require_all(promised, messages, is_wanted)
+    return topics, _in_order(messages)
+
+
+def _files(folder: Path) -> tuple[list[Path], dict[str, int]]:
+    """Files of a bag in their order, and the numbers of messages by topic that the metadata promise."""
+    if not (folder / _METADATA).is_file():
+        found = [path for path in folder.iterdir() if path.name.endswith(BAG_EXTENSIONS)]
+        if not found:
+            raise ScanError(f"{folder}: expected a bag (*.mcap, *.db3, or a folder of them), found none")
+        return sorted(found, key=lambda path: [int(number) for number in re.findall(r"\d+", path.name)]), {}
+    try:
+        about = yaml.safe_load((folder / _METADATA).read_bytes())["rosbag2_bagfile_information"]
+        names = [PurePath(name).name for name in about["relative_file_paths"]]
+        counts = about["topics_with_message_count"]
+        promised = {each["topic_metadata"]["name"]: int(each["message_count"]) for each in counts}
+    except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError):
+        raise ValueError(f"{_METADATA} is damaged; remove it, and the files are read without") from None
+    return [folder / name for name in names], promised
+
+
+def _require_all(promised: Mapping[str, int], messages: Sequence[Message], is_wanted: IsWanted) -> None:
+    found = Counter(message.topic.name for message in messages)
+    for topic, count in promised.items():
+        if is_wanted(topic) and found[topic] < count:
+            raise ValueError(f"{count} messages of {topic} were recorded, found {found[topic]}")
+
+
+def _in_order(messages: list[Message]) -> list[Message]:
+    """Messages in the order of receipt, also where the clock of the recorder was set back."""
+    newest_ns: dict[str, int] = {}
+    jumps = Counter[str]()
+    keys = []
+    for topic, received_ns, _ in messages:
+        jumps[topic.name] += received_ns < newest_ns.get(topic.name, received_ns) - _JUMP_NS
+        newest_ns[topic.name] = received_ns
+        keys.append((jumps[topic.name], received_ns))
+    return [messages[each] for each in sorted(range(len(keys)), key=keys.__getitem__)]
+
+
+def _read_file(path: Path, is_wanted: IsWanted) -> Contents:
+    with open_file(path) as file:
+        if path.suffix == ".zstd":
+            with TemporaryDirectory() as folder:
+                return _read_file(_unpacked(file, Path(folder, path.stem)), is_wanted)
+        if path.suffix == ".mcap":
+            return _read_mcap(file, is_wanted)
+    if path.suffix != ".db3":
+        raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a folder of them), found another file")
+    with _recovered(path) as whole:
+        return _read_sqlite(whole, is_wanted)
+
+
+def _unpacked(packed: BinaryIO, path: Path) -> Path:
+    """Path of the unpacked file, after it is written."""
+    unpacker = zstandard.ZstdDecompressor().decompressobj()
+    with path.open("wb") as plain:
+        while block := packed.read(2**20):
+            plain.write(unpacker.decompress(block))
+    if not unpacker.eof or unpacker.unused_data:
+        raise ValueError("the compressed file is cut short, or has more than one part")
+    return path
+
+
+def _read_mcap(file: BinaryIO, is_wanted: IsWanted) -> Contents:
+    reader = make_reader(file, validate_crcs=True)
+    summary = reader.get_summary()
+    topics: dict[int, Topic] = {}
+    promised = Counter[str]()
+
+    def topic_of(channel: Any, schema: Any) -> Topic:
+        if channel.id not in topics:
+            kind, language, text = (schema.name, schema.encoding, schema.data) if schema else ("", "", b"")
+            if channel.message_encoding != "cdr":
+                kind += f" in {channel.message_encoding}"
+            topics[channel.id] = Topic(channel.topic, kind, language, text.decode(errors="replace"))
+        return topics[channel.id]
+
+    if summary is not None:
+        counts = summary.statistics.channel_message_counts if summary.statistics else {}
+        for number, channel in summary.channels.items():
+            topic_of(channel, summary.schemas.get(channel.schema_id))
+            promised[channel.topic] += counts.get(number, 0)
+    if summary is None or not summary.chunk_indexes or not topics:  # no index
+        file.seek(0)
+        reader = NonSeekingReader(file, validate_crcs=True)
+    wanted = {topic.name for topic in topics.values() if is_wanted(topic.name)} if topics else None
+    messages = [
+        Message(topic_of(channel, schema), message.log_time, message.data)
+        for schema, channel, message in reader.iter_messages(wanted, log_time_order=False)
+        if is_wanted(channel.topic)
+    ]
+    _require_all(promised, messages, is_wanted)
+    return list(topics.values()), messages
+
+
+def _read_sqlite(path: Path, is_wanted: IsWanted) -> Contents:
+    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)) as database:
+        query, definitions = database.execute, {}
+        if query("SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'").fetchone():
+            rows = query("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
+            definitions = {kind: texts for kind, *texts in rows}
+        rows = query("SELECT id, name, type FROM topics")
+        topics = {number: Topic(name, kind, *definitions.get(kind, ())) for number, name, kind in rows}
+        wanted = [number for number, topic in topics.items() if is_wanted(topic.name)]
+        where = f"WHERE topic_id IN ({', '.join('?' * len(wanted))})"
+        rows = query(f"SELECT topic_id, timestamp, data FROM messages {where} ORDER BY id", wanted)
+        messages = [Message(topics[number], received_ns, raw) for number, received_ns, raw in rows]
+        # A damaged page hides rows of the table or of its index, but not of both.
+        stored, indexed = (
+            query(f"SELECT count(*) FROM messages {how}").fetchone()[0] for how in ("NOT INDEXED", "")
+        )
+        if stored != indexed:
+            raise ValueError(f"{indexed} messages were recorded, found {stored}")
+    return list(topics.values()), messages
+
+
+@contextmanager
+def _recovered(path: Path) -> Iterator[Path]:
+    """The database, or a copy with what a killed recorder left in a log or a journal beside it.
+
+    Raises
+    ------
+    ValueError
+        The log has more transactions than can be read.
+    """
+    log = Path(f"{path}-wal")
+    left = [each for each in (log, Path(f"{path}-journal")) if each.is_file() and each.stat().st_size]
+    if not left:
+        yield path
+        return
+    with TemporaryDirectory() as folder:
+        for each in (path, *left):
+            shutil.copyfile(each, Path(folder, each.name))
+        copy = Path(folder, path.name)
+        with closing(sqlite3.connect(copy)) as database:
+            (page_bytes,) = database.execute("PRAGMA page_size").fetchone()
+            _, recovered, _ = database.execute("PRAGMA wal_checkpoint").fetchone()
+        content = log.read_bytes() if log in left else b""
+        pages = range(_LOG_HEADER_BYTES, len(content) - page_bytes, _PAGE_HEADER_BYTES + page_bytes)
+        # A page with a number ends a transaction; one with another salt is older than the log.
+        ends = [
+            number
+            for number, at in enumerate(pages, 1)
+            if any(content[at + 4 : at + 8]) and content[at + 8 : at + 16] == content[16:24]
+        ]
+        if max(recovered, 0) < max([*ends, min(len(pages), 1)]):
+            raise ValueError(f"{log.name} is damaged: {recovered} of {len(pages)} pages can be read")
+        yield copy

@@ -1,0 +1,125 @@
+"""Where stamps jump back another sweep begins, in a bag as live."""
+
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.bags import MS, SCENE, pose, posterior, slide, status, strain, write_bag
+
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
+from tactile_localizer.core.geometry.synchronization import Pairing
+from tactile_localizer.core.scan.coverage import Coverage
+from tactile_localizer.core.scan.sweep_detector import SweepDetector
+from tactile_localizer.errors import MeasurementError, ScanError
+from tactile_localizer.io.bags.recording import read_bag
+from tactile_localizer.io.bags.sweeps import stamp_of
+from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scans.importer import import_recording
+from tactile_localizer.io.scans.recorder import SweepRecorder
+from tactile_localizer.io.scans.writer import ScanWriter
+from tactile_localizer.io.strain_vectors import StrainReader
+
+STATUS, POSTERIOR = "tactile_mapping/status", "tactile_filter/posterior"
+
+
+def faulty_stream(rng):
+    """Strain and poses that jump back, are late, out of order or not finite, in the order of receipt."""
+    happened, received_ms, stamp_ms, delay = [], 0, 20_000, rng.integers(0, 300)
+    for _ in range(rng.integers(1, 5)):
+        phase, length = rng.uniform(0, 6), rng.integers(200, 1500)
+        for topic, period in (("strain", 5), ("palm_pose", 20)):
+            for ms in range(0, length, period):
+                late = rng.integers(0, 200) if rng.random() < 0.1 else 0
+                x = np.nan if rng.random() < 0.05 else 0.025 + 0.03 * np.sin(phase + ms / 300)
+                message = strain(stamp_ms + ms) if topic == "strain" else pose(stamp_ms + ms, x=x)
+                at = received_ms + min(ms + late, length) + delay * (topic == "palm_pose")
+                if rng.random() > 0.05:
+                    happened.append((topic, int(at), message))
+        silence = rng.integers(0, 3000)
+        received_ms += length + silence
+        stamp_ms += rng.choice([length + silence, -rng.integers(0, 9000)])
+    return sorted(happened, key=lambda one: one[1])
+
+
+def record_live(path, happened, detector=None):
+    """Record messages with the classes of the mapping node, in one sweep if none are detected."""
+    reader, frame, pairing = StrainReader(SCENE), PalmFrame(SCENE.axes), Pairing(SCENE.axes)
+    with ScanWriter(path, SCENE) as writer:
+        recorder = SweepRecorder(writer, detector, Coverage(SCENE))
+        if detector is None:
+            recorder.start(-1)
+        for topic, _, message in happened:
+            if topic == "strain":
+                recorder.take(pairing.add_strain(stamp_of(message), reader.read(message)))
+            else:
+                place = message.pose.position
+                with suppress(MeasurementError):
+                    position = frame.position("material", (place.x, place.y, place.z), (0, 0, 0, 1))
+                    recorder.take(pairing.add_pose(stamp_of(message), position))
+        recorder.take(pairing.finish())
+        recorder.close()
+    return path
+
+
+def content(path):
+    """Numbers, pairs, gaps and skipped samples of the sweeps that have pairs."""
+    sweeps = [sweep for sweep in ScanFolder(path).recording().sweeps if len(sweep)]
+    return [
+        (sweep.stamp_ns.tolist(), sweep.position.tolist(), sweep.strain.tolist(), sweep.gaps, sweep.skipped)
+        for sweep in sweeps
+    ]
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32), st.sampled_from(["one sweep", "both_ways", "one_way"]))
+def test_an_imported_stream_equals_the_recorded_one(seed, sweeps):
+    happened = faulty_stream(np.random.default_rng(seed))
+    one_way = sweeps == "one_way"
+    live, offline = (
+        None if sweeps == "one sweep" else SweepDetector(SCENE.axes, one_way=one_way) for _ in range(2)
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        live_scan = content(record_live(Path(folder, "live"), happened, live))
+        recording = read_bag(write_bag(Path(folder, "bag"), happened), SCENE, detector=offline)
+        if live_scan:
+            import_recording(recording, SCENE, Path(folder, "imported"), force=True)
+            assert content(Path(folder, "imported")) == live_scan
+        else:
+            with pytest.raises(ScanError, match="found 0"):
+                import_recording(recording, SCENE, Path(folder, "imported"), force=True)
+
+
+def again(happened, received_ms):
+    """The same messages once more, received later."""
+    return [(topic, ms + received_ms, message) for topic, ms, message in happened]
+
+
+def ranges(sweeps):
+    return [
+        (sweep.number, *np.round((sweep.stamp_ns[[0, -1]] / MS) % 100_000).astype(int)) for sweep in sweeps
+    ]
+
+
+def test_reported_sweeps_are_those_of_their_run(tmp_path):
+    happened = slide(0, 2000)
+    reported = [(50, 2, True), (700, 2, False), (1000, 3, True)]
+    first = [(STATUS, ms, status(ms, on, number)) for ms, number, on in reported]
+    # After the jump the node ends the open sweep with the stamp of its last sample, and begins another.
+    late = [(STATUS, 2010, status(2000, False, 3)), (STATUS, 2010, status(0, True, 4))]
+    last = [(STATUS, 3500, status(1500, False, 4))]
+    happened = happened + first + again(happened, 2000) + late + last
+    found = ranges(read_bag(write_bag(tmp_path / "bag", happened), SCENE).sweeps)
+    assert found == [(2, 55, 700), (3, 1005, 2000), (4, 20, 1500)]
+
+
+def test_a_jump_ends_a_localized_sweep(tmp_path):
+    happened = slide(0, 2000)
+    posteriors = [(POSTERIOR, ms + 3, posterior(ms, travel)) for ms, travel in [(500, 0.0), (1990, 0.03)]]
+    after = [(POSTERIOR, 2000 + ms, posterior(ms, 0.0)) for ms in (20, 30)]
+    happened = happened + posteriors + again(happened, 2000) + after
+    found = read_bag(write_bag(tmp_path / "bag", happened), SCENE, by_status=False)
+    assert ranges(found.sweeps) == [(1, 500, 2000), (2, 20, 2000)]

@@ -1,0 +1,178 @@
+"""Palm poses of a bag come from several types of messages, or from tf."""
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from support.bags import MS, SCENE, START, STORE, TYPES, pose, slide, strain, write_bag, x_at
+from support.notes import counts
+
+from tactile_localizer.core.geometry.palm_frame import PalmFrame
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.bags.recording import read_bag
+
+T = STORE.types
+STRAIN_MS = np.arange(20, 1001, 5)
+TF = "tf2_msgs/msg/TFMessage"
+
+
+def write(path, happened):
+    """Write topics, types, times of receipt (ms) and messages."""
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topics = {}
+        for topic, kind, ms, message in happened:
+            if topic not in topics:
+                topics[topic] = writer.add_connection(topic, kind, typestore=STORE)
+            writer.write(topics[topic], START + ms * MS, STORE.serialize_cdr(message, kind))
+    return path
+
+
+def felt(first_ms=0, last_ms=1000):
+    return [("/strain", TYPES["strain"], ms, strain(ms)) for ms in range(first_ms + 5, last_ms + 1, 5)]
+
+
+def transform(ms, parent, child, x=None, y=0.0):
+    place = T["geometry_msgs/msg/Vector3"](x=float(x_at(ms) if x is None else x), y=y, z=0.0)
+    turn = T["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0)
+    inner = T["geometry_msgs/msg/Transform"](translation=place, rotation=turn)
+    header = pose(ms, parent).header
+    return T["geometry_msgs/msg/TransformStamped"](header=header, child_frame_id=child, transform=inner)
+
+
+def with_covariance(ms):
+    return T["geometry_msgs/msg/PoseWithCovariance"](pose=pose(ms).pose, covariance=np.zeros(36))
+
+
+def odometry(ms):
+    zero = T["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
+    twist = T["geometry_msgs/msg/Twist"](linear=zero, angular=zero)
+    twist = T["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=np.zeros(36))
+    kind = T["nav_msgs/msg/Odometry"]
+    return kind(header=pose(ms).header, child_frame_id="palm", pose=with_covariance(ms), twist=twist)
+
+
+def stamped_with_covariance(ms):
+    kind = T["geometry_msgs/msg/PoseWithCovarianceStamped"]
+    return kind(header=pose(ms).header, pose=with_covariance(ms))
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        pose,
+        stamped_with_covariance,
+        odometry,
+        lambda ms: transform(ms, "material", "palm", y=0.02),
+    ],
+)
+def test_poses_are_of_several_types(tmp_path, message):
+    kind = message(1).__msgtype__
+    poses = [("/arm", kind, ms, message(ms)) for ms in range(20, 1001, 20)]
+    recording = read_bag(write(tmp_path / "bag", felt() + poses), SCENE, topics={"pose": "/arm"})
+    (sweep,) = recording.sweeps
+    np.testing.assert_array_equal(sweep.stamp_ns, START + STRAIN_MS * MS)
+    np.testing.assert_allclose(sweep.position, np.stack([x_at(STRAIN_MS), np.full(197, 0.02)], axis=1))
+
+
+def tf(topic, ms, *transforms):
+    return (topic, TF, ms, T[TF](transforms=list(transforms)))
+
+
+def arm(first_ms=0, last_ms=1000, step=20):
+    """A moving arm with a tool that is fixed to it, and another frame."""
+    fixed = [tf("/tf_static", 0, transform(0, "flange", "tool0", x=0.001, y=0.02))]
+    moving = [
+        tf("/tf", ms, transform(ms, "world", "lamp", x=9.0), transform(ms, "base_link", "flange"))
+        for ms in range(first_ms + step, last_ms + 1, step)
+    ]
+    return fixed + moving
+
+
+def test_poses_are_looked_up_in_tf(tmp_path):
+    bag = write(tmp_path / "bag", felt() + arm())
+    recording = read_bag(bag, SCENE, palm_frame="tool0")
+    (sweep,) = recording.sweeps
+    np.testing.assert_array_equal(sweep.stamp_ns, START + STRAIN_MS * MS)
+    np.testing.assert_allclose(sweep.position[:, 0], x_at(STRAIN_MS) + 0.001)
+    assert sweep.gaps == 3
+    frame = PalmFrame(SCENE.axes, reference_frame="flange", material_pose=[0.0, 0.01, 0, 0, 0, 0])
+    (fixed,) = read_bag(bag, SCENE, palm_frame="/tool0", frame=frame).sweeps
+    np.testing.assert_allclose(fixed.position, np.tile([0.001, 0.01], (200, 1)))
+
+
+def test_transforms_too_far_apart_leave_a_gap(tmp_path):
+    (sweep,) = read_bag(write(tmp_path / "bag", felt() + arm(step=200)), SCENE, palm_frame="tool0").sweeps
+    assert (len(sweep), sweep.gaps) == (5, 195)
+    bag = write(tmp_path / "other", felt() + arm(step=200))
+    assert len(read_bag(bag, SCENE, palm_frame="tool0", max_gap_s=0.2)) == 161
+
+
+def test_transforms_before_a_jump_do_not_count_after_it(tmp_path):
+    """As in the nodes, which forget them."""
+    happened = felt(4000, 5000) + arm(4000, 5000)
+    later = [
+        (topic, kind, 5000 + ms, message)
+        for topic, kind, ms, message in felt(0, 1000) + arm(0, 1000)
+        if topic != "/tf_static"
+    ]
+    sweeps = read_bag(write(tmp_path / "bag", happened + later), SCENE, palm_frame="tool0").sweeps
+    assert [(len(sweep), sweep.stamp_ns[0] // MS - START // MS) for sweep in sweeps] == [
+        (197, 4020),
+        (197, 20),
+    ]
+
+
+def test_the_option_for_tf_and_its_frames_are_named(tmp_path):
+    bag = write(tmp_path / "bag", felt() + arm())
+    with pytest.raises(ScanError, match=r"expected messages of /palm_pose, found .*--palm-frame FRAME"):
+        read_bag(bag, SCENE)
+    with pytest.raises(ScanError, match=r"wrist in base_link, found .* base_link, flange, lamp, tool0, w"):
+        read_bag(bag, SCENE, palm_frame="wrist")
+    with pytest.raises(ScanError, match=r"expected messages of /tf, found /strain"):
+        read_bag(write(tmp_path / "none", felt()), SCENE, palm_frame="tool0")
+
+
+def test_stamps_of_zero_are_named(tmp_path):
+    happened = [(topic, ms, strain(0) if topic == "strain" else one) for topic, ms, one in slide(0, 500)]
+    refusal = r"skipped 100 of 100 messages of /strain: expected a stamp, found 0: the clock of the sender"
+    with pytest.raises(ScanError, match=refusal):
+        read_bag(write_bag(tmp_path / "bag", happened), SCENE)
+    happened = [*slide(0, 500), ("palm_pose", 100, pose(0, x=0.04))]
+    assert counts(read_bag(write_bag(tmp_path / "some", happened), SCENE).notes) == [(1, 26)]
+
+
+def poses_of(rate, x=x_at, late_ms=0):
+    """Poses every ``1 / rate`` s, whose stamps are behind their receipt."""
+    return [("palm_pose", ms + late_ms, pose(ms, x=x(ms))) for ms in range(0, 2000, round(1000 / rate)) if ms]
+
+
+def notes_of(path, poses):
+    happened = [each for each in slide(0, 2000) if each[0] == "strain"]
+    return read_bag(write_bag(path, happened + poses), SCENE).notes
+
+
+def test_two_publishers_of_the_palm_pose_are_a_finding(tmp_path):
+    other = [("palm_pose", ms + 3, pose(ms + 3, x=x_at(ms) + 0.02)) for ms in range(10, 2000, 10)]
+    (note,) = notes_of(tmp_path / "bag", poses_of(100) + other)
+    assert note.startswith("/palm_pose: the position jumps by 20 mm within 3 ms and back: two sources")
+
+
+def test_positions_that_are_held_are_a_finding(tmp_path):
+    (note,) = notes_of(tmp_path / "bag", poses_of(100, lambda ms: x_at(ms // 100 * 100)))
+    assert "/palm_pose: the position is held for 100 ms" in note
+
+
+@pytest.mark.parametrize("late_ms", [-300, 300])
+def test_stamps_far_from_their_receipt_are_a_finding(tmp_path, late_ms):
+    (note,) = notes_of(tmp_path / "bag", poses_of(100, late_ms=late_ms))
+    way = "behind" if late_ms > 0 else "ahead of"
+    assert note.startswith(f"/palm_pose: stamps are 0.3 s {way} the strain received with them")
+    assert notes_of(tmp_path / "slow", poses_of(100, late_ms=50)) == ()
+
+
+def test_slow_poses_and_another_clock_are_named(tmp_path):
+    (note,) = notes_of(tmp_path / "slow", poses_of(5))
+    assert note.startswith("/palm_pose: the poses are 0.2 s apart")
+    assert "--max-gap 0.3" in note
+    poses = [("palm_pose", ms, pose(ms + 3_600_000)) for ms in range(10, 2000, 10)]
+    (note,) = notes_of(tmp_path / "clock", poses)
+    assert "the poses are 3600.005 s ahead of the strain" in note
