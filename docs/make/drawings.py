@@ -1,4 +1,7 @@
-"""Draws the pictures of docs/concepts.md into docs/images, of the simulated hand. `make pictures` runs it."""
+"""Draws pictures of the simulated hand into docs/images, for concepts.md and material.md.
+
+`make pictures` runs it.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,16 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Rectangle
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.io.recording import scan_of
+from tactile_localizer.offline.figures.replay import CONVERGED, SEARCHING, WRONG, draw_paths
+from tactile_localizer.offline.replay import replay
+from tactile_localizer.offline.verdict import judge
 from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_scan, simulate_sweep
 
 IMAGES = Path(__file__).parents[1] / "images"
@@ -155,6 +163,32 @@ def belief() -> None:
     save(figure, "belief")
 
 
+def features() -> None:
+    """Sweeps over a bump and over a seam, with the map that they were localized on."""
+    figure = plt.figure(figsize=(7.6, 3.7), layout="constrained")
+    plots = figure.subplots(1, 2, sharey=True)
+    for axes, (feature, title) in zip(
+        plots, {"bump": "a bump", "seam": "a seam along y"}.items(), strict=True
+    ):
+        training = scan_of(simulate_recording(feature, seed=1), SCENE)
+        localizer = build_localizer(training, SCENE, Configuration(), np.random.default_rng(1))
+        sweeps = replay(localizer, simulate_recording(feature, seed=1, kind="test"))
+        tactile_map = make_map(training, SCENE)
+        signal = np.sqrt(np.mean((tactile_map.values - tactile_map.background) ** 2, axis=-1))
+        x, y = (MM * nodes for nodes in tactile_map.nodes)
+        axes.pcolormesh(x, y, np.ma.masked_invalid(signal.T), cmap="Greys", vmax=0.5, zorder=0)
+        draw_paths(axes, SCENE, sweeps, Configuration())
+        verdict = judge(SCENE, sweeps)
+        axes.set_title(
+            f"{title}: {verdict.right} of {verdict.sweeps} sweeps right, {verdict.wrong} ever wrong"
+        )
+    plots[1].set_ylabel("")
+    claims = {"not converged": SEARCHING, "converged": CONVERGED, "converged, wrong": WRONG}
+    handles = [Line2D([], [], color=colour, lw=2.0, label=name) for name, colour in claims.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    save(figure, "features")
+
+
 def save(figure: plt.Figure, name: str) -> None:
     """Write a picture."""
     figure.savefig(IMAGES / f"{name}.png", dpi=130)
@@ -167,3 +201,4 @@ if __name__ == "__main__":
     frames()
     scan()
     belief()
+    features()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
@@ -75,7 +76,15 @@ def paths_figure(
     scene, sweeps, configuration, size_in : as for :func:`replay_figure`
     """
     figure = Figure(figsize=size_in, layout="constrained")
-    plot = figure.subplots()
+    draw_paths(figure.subplots(), scene, sweeps, configuration)
+    _add_legend(figure)
+    return figure
+
+
+def draw_paths(
+    plot: Axes, scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Configuration
+) -> None:
+    """Draw what :func:`paths_figure` shows, without its legend."""
     criteria = convergence_criteria(scene, configuration)
     for sweep in sweeps:
         wrong = relative_error(scene, sweep, criteria) > 1.0
@@ -90,16 +99,15 @@ def paths_figure(
         for claim, colour in ((sweep.converged, CONVERGED), (wrong, WRONG)):
             plot.plot(x, np.where(claim, y, np.nan), color=colour, lw=2.0)
     plot.set_xlabel(axis_label(scene.axis_names[0]))
-    plot.set_ylabel(axis_label(scene.axis_names[1]) if scene.dimension > 1 else "sweep")
     if scene.dimension == 1:
+        plot.set_ylabel("sweep")
         plot.yaxis.set_major_locator(MaxNLocator(integer=True))
-    if scene.dimension > 1:
-        corners = [display_units(axis.name, np.array([axis.lower, axis.upper])) for axis in scene.axes[:2]]
-        (left, right), (low, high) = corners
-        plot.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ec="0.8", zorder=0))
-        plot.set_aspect("auto" if "yaw" in scene.axis_names[:2] else "equal")
-    _add_legend(figure)
-    return figure
+        return
+    plot.set_ylabel(axis_label(scene.axis_names[1]))
+    corners = [display_units(axis.name, np.array([axis.lower, axis.upper])) for axis in scene.axes[:2]]
+    (left, right), (low, high) = corners
+    plot.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ec="0.8", zorder=0))
+    plot.set_aspect("auto" if "yaw" in scene.axis_names[:2] else "equal")
 
 
 def _add_legend(figure: Figure) -> None:
