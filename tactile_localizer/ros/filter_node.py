@@ -181,12 +181,12 @@ class FilterNode(ManagedNode):
         except MeasurementError as error:
             self._inputs.reject("initial_pose", error)
             return
-        self._online.seed(mean, std, self._inputs.newest_ns)
+        self._online.seed(mean, std, self._inputs.present_ns())
         self._stale = ""
         self.get_logger().info(f"belief seeded at {mean} with standard deviations {std}")
 
     def _on_reinitialize(self, request: Empty.Request, response: Empty.Response) -> Empty.Response:
-        self._online.reset(self._inputs.newest_ns)
+        self._online.reset(self._inputs.present_ns())
         self._stale = ""
         self.get_logger().info("belief reset to uniform")
         return response
@@ -262,7 +262,8 @@ class FilterNode(ManagedNode):
     def _problem(self) -> str:
         """What is wrong with the inputs; empty if nothing is."""
         missing = self._stale or (self._missing() if self._silent else "")
-        return missing or self._inputs.misalignment(self.parameters["patience_s"])
+        inputs = self._inputs
+        return missing or inputs.misalignment(self.parameters["patience_s"]) or inputs.motion()
 
     def _repeat_as_stale(self) -> None:
         if self._online.latest is not None:

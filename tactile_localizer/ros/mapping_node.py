@@ -6,18 +6,24 @@ Publishes ``~/status`` and ``~/map`` (latched) and ``/diagnostics`` at 1 Hz. ``~
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
+from tactile_localizer.io.scans.sweep_files import OpenSweep
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import ScanStatus
@@ -33,6 +39,17 @@ from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
 _STATUS_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _COMMIT_PERIOD_S = 0.2
 _STATUS_PERIOD_S = 0.2
+_STILL_NS = 3 * NANOSECONDS
+"""Time from the begin of a sweep after which a palm that rests is reported, ns."""
+
+
+class Ending(NamedTuple):
+    """A sweep that ends, until all of it is written or a monotonic time is reached."""
+
+    sweep: OpenSweep
+    until_ns: int
+    deadline_s: float
+    written: Future
 
 
 class MappingNode(ManagedNode):
@@ -66,13 +83,17 @@ class MappingNode(ManagedNode):
         self._last_sweep: int | None = None
         self._losses, self._pairs = Increments(), Increments()
         self._write_error = ""
+        self._ending: list[Ending] = []
+        self._changed = 0, 0
         self._inputs.subscribe()
+        self.defer(self._inputs.take_waiting)
         self.create_service(Trigger, "~/start_sweep", self._on_start)
-        self.create_service(Trigger, "~/end_sweep", self._on_end)
+        alone = MutuallyExclusiveCallbackGroup()  # messages arrive while it waits for them
+        self.create_service(Trigger, "~/end_sweep", self._on_end, callback_group=alone)
         self.create_timer(_COMMIT_PERIOD_S, self._commit)
-        self.create_timer(_STATUS_PERIOD_S, lambda: self._publish_status(self._inputs.newest_ns))
+        self.create_timer(_STATUS_PERIOD_S, self._publish_status)
         self._health.publish_each_second(self._statuses)
-        self._publish_status(self._inputs.newest_ns)
+        self._publish_status()
         self._refresh_map()
 
     def _end_recording(self) -> None:
@@ -99,30 +120,68 @@ class MappingNode(ManagedNode):
         self._try_to_write(self._recorder.take, pairs)
 
     def _commit(self) -> None:
-        self._try_to_write(self._recorder.settle, self._inputs.pairing.waiting_ns)
+        self._try_to_write(self._recorder.settle, self._inputs.pairing.settled_ns)
+        for ending in self._ending[:]:
+            if time.monotonic() > ending.deadline_s and not self._recorder.is_complete(ending.sweep):
+                self._inputs.take_waiting()
+                self._record(self._inputs.pairing.finish(ending.until_ns))
+                self._try_to_write(self._recorder.settle, math.inf)
+            if self._recorder.is_complete(ending.sweep):
+                self._ending.remove(ending)
+                ending.written.set_result(self._inputs.newest_ns)
         previous, self._last_sweep = self._last_sweep, self._recorder.incomplete
         if previous is not None and previous != self._last_sweep:
             self._refresh_map()
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Start a sweep with the strain measured from now on, unless the last messages were invalid."""
+        self._require_requests()
+        after_ns = self._inputs.present_ns()
         for reason in self._inputs.problems.values():
             raise ScanError(f"start sweep: {reason}")
-        response = self._answer(response, self._recorder.start, "started")
-        self._write_error = ""
-        return response
-
-    def _on_end(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """End the sweep after the newest sample received."""
-        return self._answer(response, self._recorder.end, "ended")
-
-    def _answer(self, response: Trigger.Response, work: Callable[[int], int], done: str) -> Trigger.Response:
-        if self.parameters["sweep_detection"] != "off":
-            raise ScanError(f"expected sweep_detection off, found {self.parameters['sweep_detection']}")
-        response.message = f"sweep {work(self._inputs.newest_ns)} {done}"
+        response.message = f"sweep {self._recorder.start(after_ns)} started"
         response.success = True
+        self._write_error = ""
         self.get_logger().info(response.message)
         return response
+
+    async def _on_end(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """End the sweep with the strain measured until now; answer when all of it is written."""
+        self._require_requests()
+        until_ns = self._inputs.present_ns()
+        self._require_written()
+        sweep = self._recorder.end(until_ns)
+        written: Future = Future(executor=self.executor)
+        written.add_done_callback(lambda done: None)  # wakes the executor
+        deadline_s = time.monotonic() + self.parameters["patience_s"] + 2 * _COMMIT_PERIOD_S
+        self._ending.append(Ending(sweep, until_ns, deadline_s, written))
+        missing_s = (until_ns - await written) / NANOSECONDS
+        self._require_written()
+        losses = {
+            "without a pose": sweep.gaps,
+            "missing, saturated or out of bounds": sweep.skipped,
+        }
+        response.message = ", ".join(
+            [
+                f"sweep {sweep.number} ended: {sweep.pairs or 'no'} pairs",
+                *(f"{count} samples {what}" for what, count in losses.items() if count),
+                *([f"no strain for its last {missing_s:.1f} s"] if missing_s > 0.0 else []),
+            ]
+        )
+        response.success = sweep.pairs > 0
+        log = self.get_logger()
+        (log.info if response.success else log.error)(response.message)
+        return response
+
+    def _require_written(self) -> None:
+        """Require that the sweep could be written."""
+        if self._write_error:
+            raise ScanError(f"end sweep: {self._write_error}")
+
+    def _require_requests(self) -> None:
+        """Require that sweeps are not detected in the motion."""
+        if self.parameters["sweep_detection"] != "off":
+            raise ScanError(f"expected sweep_detection off, found {self.parameters['sweep_detection']}")
 
     def _statuses(self) -> list[DiagnosticStatus]:
         """The state of the recording; losses since the previous status are a warning."""
@@ -140,7 +199,11 @@ class MappingNode(ManagedNode):
             losses = ["no samples received"]
         errors = "; ".join(filter(None, [self._write_error, *self._inputs.problems.values()]))
         misaligned = self._inputs.misalignment(self.parameters["patience_s"])
-        warnings = ", ".join(filter(None, [misaligned, *losses]))
+        began_ns = self._recorder.began_ns
+        is_late = began_ns is not None and self._inputs.newest_ns - began_ns > _STILL_NS
+        motion = self._inputs.motion(moves=is_late)
+        behind = self._inputs.behind if losses or misaligned else ""
+        warnings = ", ".join(filter(None, [misaligned, *losses, behind, motion]))
         activity = f"recording sweep {recorder.number}" if recorder.is_active else "no active sweep"
         level = DiagnosticStatus.OK
         if errors or warnings:
@@ -155,11 +218,17 @@ class MappingNode(ManagedNode):
         message = ": ".join(filter(None, [activity, errors or warnings]))
         return [self._health.status("scan", level, message, values)]
 
-    def _publish_status(self, stamp_ns: int) -> None:
-        """Publish the status of the scan with the stamp of a sample, which assigns it to a sweep in a bag."""
-        recorder = self._recorder
+    def _publish_status(self, stamp_ns: int | None = None) -> None:
+        """Publish the status of the scan with the stamp of a sample, which assigns it to a sweep in a bag.
+
+        ``stamp_ns`` is where a sweep begins or ends; later statuses are not stamped before it.
+        """
+        recorder, resets = self._recorder, self._inputs.pairing.resets
+        if stamp_ns is not None:
+            self._changed = resets, stamp_ns
+        earliest_ns = self._changed[1] if self._changed[0] == resets else 0
         message = ScanStatus()
-        message.header.stamp = from_ns(max(stamp_ns, 0))
+        message.header.stamp = from_ns(max(earliest_ns, self._inputs.newest_ns if stamp_ns is None else 0))
         message.header.frame_id = self.parameters["material_frame"]
         message.scan_file = str(recorder.store.path)
         message.scene = self._scene.name
@@ -180,7 +249,7 @@ class MappingNode(ManagedNode):
         except ScanError as error:
             self._write_error = str(error)
             self.get_logger().error(self._write_error, throttle_duration_sec=1.0)
-            self._publish_status(self._inputs.newest_ns)
+            self._publish_status()
 
 
 def main() -> int:

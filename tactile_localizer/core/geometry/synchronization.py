@@ -249,9 +249,11 @@ class Pairing(Generic[T]):
         return max(self.newest_ns or 0, self.newest_pose_ns or 0)
 
     @property
-    def waiting_ns(self) -> int | None:
-        """Stamp of the oldest strain vector that waits for a pose, ns; ``None`` when none waits."""
-        return self._waiting[0][1] if self._waiting else None
+    def settled_ns(self) -> int:
+        """Stamp up to which each strain vector that has arrived is in a pair, ns; -1 before the first."""
+        if self._waiting:
+            return self._waiting[0][1] - 1
+        return -1 if self.newest_ns is None else self.newest_ns
 
     @property
     def waiting(self) -> int:
@@ -289,10 +291,12 @@ class Pairing(Generic[T]):
         self._waiting.append((run, stamp_ns, measurement))
         return self._complete()
 
-    def finish(self) -> list[Pair[T]]:
-        """End of the stream: returns the strain vectors that are still waiting, without positions."""
-        unpaired = [Pair(stamp_ns, None, measurement) for _, stamp_ns, measurement in self._waiting]
-        self._waiting.clear()
+    def finish(self, until_ns: float = math.inf) -> list[Pair[T]]:
+        """Strain vectors stamped up to ``until_ns`` that are still waiting, without positions."""
+        unpaired = []
+        while self._waiting and self._waiting[0][1] <= until_ns:
+            _, stamp_ns, measurement = self._waiting.popleft()
+            unpaired.append(Pair(stamp_ns, None, measurement))
         return unpaired
 
     def _complete(self) -> list[Pair[T]]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import USABLE, screen
+from tactile_localizer.io.recording import USABLE, RecordedSweep, screen
 from tactile_localizer.io.scans.sweep_files import OpenSweep
 from tactile_localizer.io.scans.writer import ScanWriter
 
@@ -27,8 +28,8 @@ _BEFORE_ALL_NS = -1
 class SweepRecorder:
     """Records sweeps that are requested, or that are detected in the motion.
 
-    Sweeps begin and end at stamps, not at the time of the request. Samples that still wait for their pose
-    when a sweep ends belong to it, and importing a bag of the same topics gives the same scan.
+    A sweep is an interval of time: what is stamped within it belongs to it, whenever it arrives, also after
+    the sweep has ended. Importing a bag of the same topics gives the same scan.
 
     Parameters
     ----------
@@ -53,11 +54,9 @@ class SweepRecorder:
         on_change: Callable[[int], None] = lambda stamp_ns: None,
     ) -> None:
         self.store = store
-        known = store.recording().sweeps
-        self.sweeps, self.pairs = len(known), sum(map(len, known))
         self.number = store.last_number
         self.gaps = self.skipped = 0
-        for sweep in known:
+        for sweep in self._count():
             coverage.add(sweep.position)
         self._detector = detector
         self._coverage = coverage
@@ -71,6 +70,11 @@ class SweepRecorder:
     def is_active(self) -> bool:
         """Whether a sweep is open."""
         return bool(self._incomplete) and self._incomplete[-1].until_ns is None
+
+    @property
+    def began_ns(self) -> int | None:
+        """Stamp before the first sample of the open sweep, ns; ``None`` if none is open."""
+        return self._incomplete[-1].after_ns if self.is_active else None
 
     @property
     def incomplete(self) -> int | None:
@@ -93,8 +97,8 @@ class SweepRecorder:
         self._on_change(after_ns)
         return self.number
 
-    def end(self, until_ns: int) -> int:
-        """Close the open sweep after the sample with stamp ``until_ns``; returns its number.
+    def end(self, until_ns: int) -> OpenSweep:
+        """End the open sweep with the sample at stamp ``until_ns``; :meth:`settle` completes it.
 
         Raises
         ------
@@ -105,7 +109,11 @@ class SweepRecorder:
             raise ScanError("end sweep: expected an active sweep, found none")
         self._incomplete[-1].until_ns = until_ns
         self._on_change(until_ns)
-        return self.number
+        return self._incomplete[-1]
+
+    def is_complete(self, sweep: OpenSweep) -> bool:
+        """Whether all samples of a sweep are written, or it was abandoned."""
+        return sweep not in self._incomplete
 
     def take(self, pairs: Sequence[Pair[StrainSample]]) -> None:
         """Collect the pairs that belong to a sweep; :meth:`settle` writes them.
@@ -124,26 +132,29 @@ class SweepRecorder:
             for pair in pairs:
                 self._place(pair)
 
-    def settle(self, waiting_ns: int | None) -> None:
-        """Write the pairs, and finish each closed sweep of which no sample waits for its pose.
+    def settle(self, settled_ns: float) -> None:
+        """Write the pairs, and complete each sweep that has ended and of which no sample can follow.
 
         Call this at least every 0.25 s.
 
         Parameters
         ----------
-        waiting_ns : stamp of the oldest sample that waits for its pose; ``None`` if there is none
+        settled_ns : stamp up to which all samples were given to :meth:`take`
 
         Raises
         ------
         ScanError
-            The scan cannot be written. The sweep is abandoned; pairs already written are kept.
+            The scan cannot be written, or the file of a sweep was removed or cut short; the sweeps are
+            abandoned. Pairs already written are kept; those of a file that was removed are written to
+            another one.
         """
         with self._abandoning():
-            self._finish_before(math.inf if waiting_ns is None else waiting_ns)
+            self._finish_until(settled_ns)
             self._flush()
+            self._require_in_place(self._incomplete)
 
     def close(self) -> None:
-        """End every sweep, without waiting for further poses.
+        """End every sweep, without waiting for further samples.
 
         Raises
         ------
@@ -152,7 +163,13 @@ class SweepRecorder:
         """
         if self.is_active:
             self.end(self._newest_ns)
-        self.settle(None)
+        self.settle(math.inf)
+
+    def _count(self) -> Sequence[RecordedSweep]:
+        """Count the sweeps and pairs in the scan, which are returned."""
+        known = self.store.recording().sweeps
+        self.sweeps, self.pairs = len(known), sum(map(len, known))
+        return known
 
     def _place(self, pair: Pair[StrainSample]) -> None:
         if pair.stamp_ns < self._newest_ns:
@@ -160,7 +177,7 @@ class SweepRecorder:
         self._newest_ns = pair.stamp_ns
         if self._detector is not None and pair.position is not None:
             self._follow(self._detector.update(pair.stamp_ns, pair.position), pair.stamp_ns)
-        self._finish_before(pair.stamp_ns)
+        self._finish_until(pair.stamp_ns - 1)
         if self._incomplete and pair.stamp_ns > self._incomplete[0].after_ns:
             if pair.position is None:
                 self.gaps += 1
@@ -204,11 +221,31 @@ class SweepRecorder:
             sweep.append(stamp_ns[keep], states[keep], strain[keep])
             self.pairs += pairs
 
-    def _finish_before(self, stamp_ns: float) -> None:
-        """Complete the sweeps that ended before ``stamp_ns``."""
-        while self._incomplete and (until := self._incomplete[0].until_ns) is not None and until < stamp_ns:
+    def _finish_until(self, stamp_ns: float) -> None:
+        """Complete the sweeps that ended at ``stamp_ns`` or earlier."""
+        while self._incomplete and (until := self._incomplete[0].until_ns) is not None and until <= stamp_ns:
             self._flush()
-            self._incomplete.popleft().end()
+            self._incomplete[0].end()
+            self._require_in_place([self._incomplete[0]])
+            self._incomplete.popleft()
+
+    def _require_in_place(self, sweeps: Iterable[OpenSweep]) -> None:
+        """Require that the files of sweeps are in the scan; otherwise write their pairs to other files."""
+        lost, problems = [sweep for sweep in sweeps if not sweep.is_in_place], []
+        for sweep in lost:
+            problems.append(f"{sweep.path}: expected the sweep as recorded, it was removed or cut short")
+            if sweep.pairs:
+                try:
+                    number = max(self.number, self.store.last_number) + 1
+                    self.store.add(replace(sweep.recorded(), number=number))
+                    problems.append(f"its {sweep.pairs} pairs are in sweep {number}")
+                except ScanError as error:
+                    problems.append(str(error))
+        if lost:
+            with suppress(ScanError):
+                self._count()
+                self.number = self.store.last_number
+            raise ScanError("; ".join(problems))
 
     @contextmanager
     def _abandoning(self) -> Iterator[None]:

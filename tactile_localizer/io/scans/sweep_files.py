@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,7 @@ class OpenSweep:
     Attributes
     ----------
     until_ns : stamp of the last sample; ``None``: not known yet
+    pairs : pairs so far
     gaps : strain samples without a pose close enough in time
     skipped : strain samples that were missing, saturated or out of bounds
     strain_unit : for display
@@ -55,17 +58,18 @@ class OpenSweep:
     """
 
     def __init__(self, path: Path, number: int, scene: Scene, after_ns: int = -1) -> None:
-        self.number, self.after_ns = number, after_ns
+        self.path, self.number, self.after_ns = path, number, after_ns
         self.until_ns: int | None = None
-        self.gaps = self.skipped = 0
+        self.pairs = self.gaps = self.skipped = 0
         self.strain_unit = "V"
-        self._scene, self._pairs = scene, 0
+        self._scene, self._records, self._size = scene, bytearray(), 0.0
         with writing(path):
             self._file = path.open("xb", buffering=0)
+            self._identity = os.fstat(self._file.fileno())
         self._write(_header(scene, 0), sync=False)
 
     def append(self, stamp_ns: np.ndarray, position: np.ndarray, strain: np.ndarray) -> None:
-        """Append pairs; they are on disk when the method returns.
+        """Append pairs; they are on disk when the method returns and the sweep :attr:`is_in_place`.
 
         Parameters
         ----------
@@ -82,8 +86,9 @@ class OpenSweep:
         made["stamp_ns"], made["position"], made["strain"] = stamp_ns, position, strain
         start = _checksum(self._scene)
         made["crc"] = [zlib.crc32(record.tobytes()[:-4], start) for record in made]
+        self._records += made.tobytes()
+        self.pairs += len(made)
         self._write(made.tobytes())
-        self._pairs += len(made)
 
     def end(self) -> None:
         """Complete the sweep.
@@ -98,14 +103,35 @@ class OpenSweep:
         with self._file:
             self._write(_END + b"%08x %s\n" % (zlib.crc32(text), text), sync=False)
             self._file.seek(0)
-            self._write(_header(self._scene, self._pairs))
+            self._write(_header(self._scene, self.pairs))
+
+    @property
+    def is_in_place(self) -> bool:
+        """Whether the file at its path is the one that was made, with all that was written.
+
+        Nothing is written to one that was removed, replaced or cut short.
+        """
+        try:
+            found = self.path.stat()
+        except OSError:
+            return False
+        return os.path.samestat(found, self._identity) and found.st_size >= self._size
+
+    def recorded(self) -> RecordedSweep:
+        """The sweep as it would be read, from memory."""
+        details = {"gaps": self.gaps, "skipped": self.skipped, "strain_unit": self.strain_unit}
+        return _recorded(self.number, self._records, self._scene, details)
 
     def _write(self, content: bytes, *, sync: bool = True) -> None:
+        if not self.is_in_place:
+            self._size = math.inf
+            return
         with writing(self._file.name):
             while content:
                 content = content[self._file.write(content) :]
             if sync:
                 os.fdatasync(self._file.fileno())
+        self._size = max(self._size, self._file.tell())
 
 
 def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, int]:
@@ -116,8 +142,7 @@ def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, in
     ScanError
         The file cannot be read, belongs to another scene, or no record is intact.
     """
-    kind, start = _record_type(scene), _checksum(scene)
-    size, begin = kind.itemsize, len(_header(scene, 0))
+    start, size, begin = _checksum(scene), _record_type(scene).itemsize, len(_header(scene, 0))
     intact, rest, at = bytearray(), b"", 0  # bytes behind the last intact record, and how many are checked
     most = max(2 * size, _MOST_DAMAGE // size)
     try:
@@ -145,17 +170,20 @@ def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, in
     damaged = max(-(-lost // size), 0)
     if damaged and not intact:
         raise ScanError(f"{path}: expected pairs of the scan's scene, found none that is intact")
-    pairs = np.frombuffer(intact, kind)
-    sweep = RecordedSweep(
+    ending = ENDED if details else ENDED_EARLY
+    return _recorded(number, intact, scene, {"ending": ending, **details}), damaged
+
+
+def _recorded(number: int, records: bytearray, scene: Scene, details: Mapping[str, Any]) -> RecordedSweep:
+    pairs = np.frombuffer(records, _record_type(scene))
+    return RecordedSweep(
         number,
         pairs["stamp_ns"].copy(),
         pairs["position"].copy(),
         pairs["strain"].copy(),
         status=np.full((len(pairs), len(scene.phalanges)), OK, dtype=np.uint8),
-        ending=ENDED if details else ENDED_EARLY,
         **details,
     )
-    return sweep, damaged
 
 
 def _record_type(scene: Scene) -> np.dtype:

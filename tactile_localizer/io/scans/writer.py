@@ -40,28 +40,12 @@ class ScanWriter(ScanFolder):
     """
 
     def __init__(self, path: str | Path, scene: Scene) -> None:
-        path = Path(path)
+        self._history = _open_for_writing(Path(path), scene)
         try:
-            found = {file.name for file in path.iterdir()} if path.exists() else set()
-            if SCENE not in found and any(not name.startswith((".", HISTORY)) for name in found):
-                raise ScanError(f"{path}: expected a scan or an empty folder, found other files")
-            path.mkdir(parents=True, exist_ok=True)
-            # A pipe of this name would block.
-            flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK
-            self._history = os.open(path / HISTORY, flags, 0o666)
-        except OSError as error:
-            raise ScanError(f"{path}: expected a folder that can be written, {error.strerror}") from None
-        try:
-            # The lock ends with the process that holds it.
-            fcntl.flock(self._history, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if not (path / SCENE).exists():
-                save_scene(scene, path / SCENE)
             super().__init__(path)
             require_same_scene(scene_to_dict(self.scene), scene_to_dict(scene), str(path))
-        except BaseException as error:
-            os.close(self._history)
-            if isinstance(error, BlockingIOError):
-                raise ScanError(f"{path}: expected no other writer, another process is writing it") from None
+        except BaseException:
+            self.close()
             raise
 
     def __enter__(self) -> ScanWriter:
@@ -91,17 +75,32 @@ class ScanWriter(ScanFolder):
         opened.gaps, opened.skipped, opened.strain_unit = sweep.gaps, sweep.skipped, sweep.strain_unit
         opened.append(sweep.stamp_ns, sweep.position, sweep.strain)
         opened.end()
+        if not opened.is_in_place:
+            raise ScanError(f"{opened.path}: expected the sweep as written, it was removed or cut short")
 
     def begin_sweep(self, after_ns: int = -1, number: int | None = None) -> OpenSweep:
         """Begin a sweep of the samples after ``after_ns``, numbered one higher than the last.
+
+        If the folder was removed, it is made again.
 
         Raises
         ------
         ScanError
             The file cannot be written.
         """
+        if not self._is_in_place:
+            history = _open_for_writing(self.path, self.scene)
+            self.close()
+            self._history = history
         number = self.last_number + 1 if number is None else number
         return OpenSweep(self.path / f"sweep_{number:04}.npy", number, self.scene, after_ns)
+
+    @property
+    def _is_in_place(self) -> bool:
+        try:
+            return os.path.samestat(os.fstat(self._history), (self.path / HISTORY).stat())
+        except OSError:
+            return False
 
     def note(self, what: str, **detail: Any) -> None:
         """Add a line to the history, which tells where the pairs come from.
@@ -115,3 +114,26 @@ class ScanWriter(ScanFolder):
         entry = {"at": at, "what": what, "version": __version__, **detail}
         with writing(self.path / HISTORY):
             os.write(self._history, json.dumps(entry).encode() + b"\n")
+
+
+def _open_for_writing(path: Path, scene: Scene) -> int:
+    """Make a scan, unless there is one, and lock it; returns its history, whose closing ends the lock."""
+    try:
+        found = {file.name for file in path.iterdir()} if path.exists() else set()
+        if SCENE not in found and any(not name.startswith((".", HISTORY)) for name in found):
+            raise ScanError(f"{path}: expected a scan or an empty folder, found other files")
+        path.mkdir(parents=True, exist_ok=True)
+        # A pipe of this name would block.
+        history = os.open(path / HISTORY, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK, 0o666)
+    except OSError as error:
+        raise ScanError(f"{path}: expected a folder that can be written, {error.strerror}") from None
+    try:
+        fcntl.flock(history, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not (path / SCENE).exists():
+            save_scene(scene, path / SCENE)
+    except BaseException as error:
+        os.close(history)
+        if isinstance(error, BlockingIOError):
+            raise ScanError(f"{path}: expected no other writer, another process is writing it") from None
+        raise
+    return history

@@ -71,3 +71,29 @@ class Increments:
     def describe(self, counts: Mapping[str, int]) -> list[str]:
         """Each count that has increased, as ``"3 late messages"``, from totals by description."""
         return [f"{count} {what}" for what, count in self.since(counts).items() if count > 0]
+
+
+class LargestRecent:
+    """Largest value of the last second or two."""
+
+    def __init__(self) -> None:
+        self._present = self._previous = 0.0
+        self._since_s = time.monotonic()
+
+    def add(self, value: float) -> None:
+        """Add a value of now."""
+        self._forget()
+        self._present = max(self._present, value)
+
+    @property
+    def largest(self) -> float:
+        """The largest value; 0 without any."""
+        self._forget()
+        return max(self._previous, self._present)
+
+    def _forget(self) -> None:
+        elapsed_s = time.monotonic() - self._since_s
+        if elapsed_s > _PERIOD_S:
+            self._previous = self._present if elapsed_s < 2 * _PERIOD_S else 0.0
+            self._present = 0.0
+            self._since_s += elapsed_s

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -11,8 +12,10 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
 
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
+from tactile_localizer.core.geometry.palm_motion import describe_motion
 from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.core.geometry.synchronization import (
     DEFAULT_MAX_GAP_S,
@@ -27,10 +30,20 @@ from tactile_localizer.msg import StrainVectors
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.conversions import to_ns
+from tactile_localizer.ros.diagnostics.status import LargestRecent
 from tactile_localizer.ros.subscriptions.tf_poses import PalmLookup
 from tactile_localizer.scene import Axis, Scene
 
 _Pairs = list[Pair[StrainSample]]
+
+_DELAYS = 1000
+"""Number of strain vectors of which the smallest delay is that of the clocks."""
+_POSES_PER_STRAIN = 10
+"""Poses that wait for each strain vector that does: arms publish at up to 1 kHz, and no pose costs much."""
+_BEHIND_S = 0.1
+"""Time that a message waits for this node from which it is behind, s (judgement)."""
+_POSES = 2000
+"""Number of poses whose motion is judged."""
 
 SYNCHRONIZATION = (
     Parameter(
@@ -47,7 +60,7 @@ SYNCHRONIZATION = (
     Parameter(
         "queue_depth",
         100,
-        "Messages of strain and of poses that wait while the node is busy; DDS drops older ones",
+        "Strain vectors that wait while the node is busy, and ten times as many poses; DDS drops older ones",
         "",
         1,
         100_000,
@@ -108,13 +121,13 @@ class TactileInputs:
             if not frames[0]:
                 raise ParameterError("reference_frame: expected the target of the lookup in tf, got none")
             failed = partial(self.reject, "palm_pose")
-            self._lookup = PalmLookup(*frames, node.parameters["patience_s"], self._on_pose, failed)
+            self._lookup = PalmLookup(*frames, node.parameters["patience_s"], self._add_pose, failed)
         self._frame = self._palm_frame(())  # rejects an invalid pose before a scan is loaded
 
     def start(self, scene: Scene) -> None:
         """Begin anew with the axes and phalanges of a scene: the next messages do not continue the last."""
         parameters = self._node.parameters
-        self._frame = self._palm_frame(scene.axes)
+        self._axes, self._frame = scene.axes, self._palm_frame(scene.axes)
         self._reader = StrainReader(scene)
         self.pairing: Pairing[StrainSample] = Pairing(
             scene.axes, max_gap_s=parameters["max_gap_s"], patience_s=parameters["patience_s"]
@@ -122,21 +135,45 @@ class TactileInputs:
         self.received: Counter[str] = Counter()
         self.invalid: Counter[str] = Counter()
         self._ahead_ns: dict[str, int] = {}  # newest pose after the newest strain when a topic last arrived
+        self._delay_ns: deque[int] = deque(maxlen=_DELAYS)  # of strain, from its stamp to the node's time
+        self._waits = LargestRecent()
+        self._motion: deque[tuple[int, np.ndarray]] = deque(maxlen=_POSES)
         self.problems: dict[str, str] = {}
 
     def subscribe(self) -> None:
         """Subscribe to strain and poses, best effort: reliable publishers match too."""
         depth = self._node.parameters["queue_depth"]
+
         overridden = QoSOverridingOptions((QoSPolicyKind.RELIABILITY,))
-        best_effort = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-        subscribe = partial(
-            self._node.create_subscription, qos_profile=best_effort, qos_overriding_options=overridden
-        )
-        subscribe(StrainVectors, "strain", self._on_strain)
+        strain = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        poses = QoSProfile(depth=_POSES_PER_STRAIN * depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        subscribe = partial(self._node.create_subscription, qos_overriding_options=overridden)
+        self._strain = subscribe(StrainVectors, "strain", self._on_strain, strain)
         if self._lookup is None:
-            subscribe(PoseStamped, "palm_pose", self._on_pose)
+            self._poses = [subscribe(PoseStamped, "palm_pose", self._on_pose, poses)]
         else:
-            self._lookup.subscribe(self._node)
+            self._poses = self._lookup.subscribe(self._node)
+
+    def take_waiting(self) -> None:
+        """Process the strain that has arrived, and the poses that it waits for."""
+        most = self._node.parameters["queue_depth"]  # messages may arrive faster than they are processed
+        for _ in range(most):
+            if not self._take_next(self._strain):
+                break
+        self._take_poses()
+
+    def present_ns(self) -> int:
+        """Time in the clock of the strain, ns, after processing what has arrived; 0 before any strain.
+
+        It is the time of the node, if strain arrives within ``patience_s`` of its stamps; otherwise, as where
+        a sensor counts from its own start, it is the newest stamp.
+        """
+        self.take_waiting()
+        least_ns = min(self._delay_ns, default=None)
+        patience_ns = self._node.parameters["patience_s"] * NANOSECONDS
+        if least_ns is None or abs(least_ns) > patience_ns:
+            return self.newest_ns
+        return max(self.newest_ns, self._node.now_ns - min(least_ns, 0))
 
     @property
     def lost(self) -> int:
@@ -151,15 +188,29 @@ class TactileInputs:
     def misalignment(self, tolerance_s: float) -> str:
         """How far the stamps of poses are from those of the strain that arrives with them.
 
-        Empty within ``tolerance_s``. A topic that stops is not misaligned.
+        Empty within ``tolerance_s``, and while this node is behind. A topic that stops is not misaligned.
         """
-        if len(self._ahead_ns) < 2:  # both topics
+        if self.behind or len(self._ahead_ns) < 2:  # both topics
             return ""
         ahead_s = min(self._ahead_ns.values(), key=abs) / NANOSECONDS
         if abs(ahead_s) <= tolerance_s:
             return ""
         way = "ahead of" if ahead_s > 0.0 else "behind"
         return f"palm_pose: stamps are {abs(ahead_s):.1f} s {way} the strain"
+
+    def motion(self, moves: bool = False) -> str:
+        """What is implausible about the palm's motion, in one line; see :func:`.describe_motion`."""
+        if not self._motion:
+            return ""
+        stamp_ns, position = map(np.array, zip(*self._motion, strict=True))
+        text = describe_motion(self._axes, stamp_ns, position, moves)
+        return text and f"palm_pose: {text}"
+
+    @property
+    def behind(self) -> str:
+        """By how much this node is behind the messages that it has received; empty if it is not."""
+        wait_s = self._waits.largest
+        return f"this node is behind by {wait_s:.1f} s" if wait_s > _BEHIND_S else ""
 
     def position(self, message: PoseStamped) -> np.ndarray:
         """The palm's position on the scene's axes, (d,), m (yaw: rad).
@@ -186,13 +237,52 @@ class TactileInputs:
             axes, parameters["material_frame"], parameters["reference_frame"], parameters["material_pose"]
         )
 
-    def _on_strain(self, message: StrainVectors) -> None:
+    def _take_next(self, subscription: Subscription) -> bool:
+        """Process the next message of a subscription ahead of the executor; returns whether there was one."""
+        with subscription.handle:
+            taken = subscription.handle.take_message(subscription.msg_type, False)
+        if taken is not None:
+            subscription.callback(*taken)
+        return taken is not None
+
+    def _take_poses(self) -> None:
+        """Process poses while strain waits for them and there are any."""
+        most = _POSES_PER_STRAIN * self._node.parameters["queue_depth"]
+        for subscription in self._poses:
+            for _ in range(most):
+                if not (self.pairing.waiting and self._take_next(subscription)):
+                    break
+
+    def _on_strain(self, message: StrainVectors, info: Mapping[str, int]) -> None:
+        self._note_wait(info)
+        newest_ns = self.newest_ns
         self._take("strain", message, self.pairing.add_strain, self._reader.read)
+        if self.newest_ns != newest_ns:
+            self._delay_ns.append(self._node.now_ns - self.newest_ns)
         if self._lookup is not None and (stamp_ns := to_ns(message.header.stamp)):
             self._lookup.look_up(stamp_ns)
+        # Of a faster topic the executor leaves messages behind, and strain would not find its poses.
+        self._take_poses()
 
-    def _on_pose(self, message: PoseStamped) -> None:
-        self._take("palm_pose", message, self.pairing.add_pose, self.position)
+    def _on_pose(self, message: PoseStamped, info: Mapping[str, int]) -> None:
+        self._note_wait(info)
+        self._add_pose(message)
+
+    def _add_pose(self, message: PoseStamped) -> None:
+        self._take("palm_pose", message, self._add_position, self.position)
+
+    def _add_position(self, stamp_ns: int, position: np.ndarray) -> _Pairs:
+        pairs = self.pairing.add_pose(stamp_ns, position)
+        if self.pairing.newest_pose_ns == stamp_ns:  # it is not late
+            if self._motion and self._motion[-1][0] > stamp_ns:
+                self._motion.clear()
+            self._motion.append((stamp_ns, position))
+        return pairs
+
+    def _note_wait(self, info: Mapping[str, int]) -> None:
+        """Note how long a message has waited for this node."""
+        if received_ns := info["received_timestamp"]:
+            self._waits.add((time.time_ns() - received_ns) / NANOSECONDS)
 
     def _take(
         self, topic: str, message: Any, add: Callable[[int, Any], _Pairs], read: Callable[[Any], Any]

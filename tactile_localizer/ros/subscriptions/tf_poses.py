@@ -6,20 +6,21 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.subscription import Subscription
 from rclpy.time import Time
 
 from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.ros.base.parameters import import_optional
 
-_TF = QoSProfile(depth=100)
+_TF = QoSProfile(depth=1000)
 _TF_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _REWIND_NS = NANOSECONDS
 """Backward jump of the strain stamps after which buffered transforms are discarded, ns."""
@@ -60,13 +61,15 @@ class PalmLookup:
         self._newest_ns = 0
         self._buffer = self._tf2.Buffer()
 
-    def subscribe(self, node: Node) -> None:
-        """Receive the transforms with subscriptions of a node."""
-        for topic, qos, keep in (
-            ("/tf", _TF, self._buffer.set_transform),
-            ("/tf_static", _TF_STATIC, self._buffer.set_transform_static),
-        ):
+    def subscribe(self, node: Node) -> list[Subscription]:
+        """Receive the transforms with subscriptions of a node, which are returned."""
+        return [
             node.create_subscription(self._message, topic, partial(self._on_transforms, keep), qos)
+            for topic, qos, keep in (
+                ("/tf", _TF, self._buffer.set_transform),
+                ("/tf_static", _TF_STATIC, self._buffer.set_transform_static),
+            )
+        ]
 
     def look_up(self, stamp_ns: int) -> None:
         """Look up the pose at the stamp of a strain vector, now or when its transform arrives."""
@@ -78,7 +81,9 @@ class PalmLookup:
         self._waiting.append(stamp_ns)
         self._resolve()
 
-    def _on_transforms(self, keep: Callable[[TransformStamped, str], None], message: Any) -> None:
+    def _on_transforms(
+        self, keep: Callable[[TransformStamped, str], None], message: Any, info: Mapping[str, int]
+    ) -> None:
         for transform in message.transforms:
             keep(transform, "tf")
         self._resolve()

@@ -69,11 +69,11 @@ def test_a_strain_vector_waits_for_the_pose_that_follows_it():
     assert pose(pairing, 100, 0.1) == []
     assert strain(pairing, 105) == []
     assert strain(pairing, 115) == []
-    assert pairing.waiting_ns == 105 * MS
+    assert pairing.settled_ns == 105 * MS - 1
     assert pairing.newest_input_ns == pairing.newest_ns == 115 * MS
     assert pose(pairing, 110, 0.2) == [(105, 0.15)]
     assert pose(pairing, 120, 0.3) == [(115, 0.25)]
-    assert pairing.waiting_ns is None
+    assert pairing.settled_ns == 115 * MS
     assert pairing.newest_input_ns == pairing.newest_pose_ns == 120 * MS
 
 

@@ -1,5 +1,8 @@
 """Sweeps hold the samples between two stamps, even if their poses arrive late."""
 
+import os
+import shutil
+
 import numpy as np
 import pytest
 from support.disk import full_disk
@@ -43,11 +46,14 @@ def test_a_sweep_holds_the_samples_between_its_stamps(store):
     assert recorder.start(2 * MS) == 1
     assert recorder.is_active
     recorder.take([pair(2), pair(3), pair(4)])
-    assert recorder.end(5 * MS) == 1
+    sweep = recorder.end(5 * MS)
     assert not recorder.is_active
-    recorder.settle(waiting_ns=5 * MS)
+    recorder.settle(4 * MS)
+    assert not recorder.is_complete(sweep)
     recorder.take([pair(5), pair(6)])
-    recorder.settle(waiting_ns=None)
+    recorder.settle(6 * MS)
+    assert recorder.is_complete(sweep)
+    assert (sweep.number, sweep.pairs) == (1, 3)
     assert recorded(store) == {1: [3, 4, 5]}
     assert store.recording().sweeps[0].ending == "ended"
 
@@ -123,16 +129,92 @@ def test_detection_begins_anew_after_a_backward_jump(store):
     assert min(map(len, moving)) > 50
 
 
+def remove(file):
+    file.unlink()
+
+
+def remove_folder(file):
+    shutil.rmtree(file.parent)
+
+
+def move_folder(file):
+    file.parent.rename(file.parent.with_name("moved"))
+
+
+def cut_short(file):
+    os.truncate(file, file.stat().st_size - 30)
+
+
+def replace_by_copy(file):
+    file.write_bytes(bytes(file.rename(file.with_name("old.npy")).read_bytes()))
+
+
+@pytest.mark.parametrize("harm", [remove, remove_folder, move_folder, cut_short, replace_by_copy])
+@pytest.mark.parametrize("has_ended", [False, True])
+def test_a_sweep_that_is_no_longer_in_the_scan_is_written_again(store, harm, has_ended):
+    recorder = recorder_of(store)
+    recorder.start(0)
+    recorder.take([pair(1), pair(2, None), pair(3)])
+    recorder.settle(3 * MS)
+    (file,) = store.path.glob("sweep_*.npy")
+    harm(file)
+    recorder.take([pair(4)])
+    if has_ended:
+        recorder.end(5 * MS)
+    with pytest.raises(
+        ScanError, match=r"1\.npy: expected .* removed or cut short; its 3 pairs are in sweep"
+    ):
+        recorder.settle(5 * MS)
+    assert not recorder.is_active
+    (rescued,) = [sweep for sweep in store.recording().sweeps if len(sweep) == 3]
+    assert ([stamp // MS for stamp in rescued.stamp_ns], rescued.gaps) == ([1, 3, 4], 1)
+    assert recorder.pairs == len(store.recording())
+    assert recorder.start(5 * MS) == recorder.number > rescued.number
+    recorder.take([pair(6)])
+    recorder.close()
+    assert recorded(store)[recorder.number] == [6]
+
+
+def test_a_scan_that_cannot_be_made_again_loses_only_the_sweep(store):
+    recorder = recorder_of(store)
+    recorder.start(0)
+    recorder.take([pair(1)])
+    shutil.rmtree(store.path)
+    store.path.touch()
+    with pytest.raises(ScanError, match=r"removed or cut short; .*scan: could not be read"):
+        recorder.settle(1 * MS)
+    store.path.unlink()
+    recorder.start(1 * MS)
+    recorder.take([pair(2)])
+    recorder.close()
+    assert recorded(store) == {1: [2]}
+    with pytest.raises(ScanError, match="another process is writing it"):
+        ScanWriter(store.path, SCENE)
+
+
+def test_a_detected_sweep_is_opened_again_after_a_failed_write(store):
+    recorder = SweepRecorder(store, SweepDetector(SCENE.axes), Coverage(SCENE))
+    pairs = [pair(ms, 0.01 + 5e-5 * ms) for ms in range(0, 900, 10)]
+    recorder.take(pairs[:40])
+    number = recorder.number
+    with full_disk(100), pytest.raises(ScanError, match="could not be written"):
+        recorder.settle(0)
+    recorder.take(pairs[40:])
+    recorder.close()
+    assert recorder.number == number + 1
+    assert recorded(store)[number + 1] == list(range(400, 900, 10))
+
+
 def test_a_full_disk_abandons_only_the_sweep(store):
     recorder = recorder_of(store)
     recorder.start(0)
     recorder.take([pair(1)])
-    recorder.settle(None)
+    recorder.settle(0)
     (file,) = store.path.glob("sweep_*.npy")
     with full_disk(file.stat().st_size + 50):  # of the next pair, a part is written
         recorder.take([pair(2)])
         with pytest.raises(ScanError, match=r"sweep_0001\.npy: could not be written"):
-            recorder.settle(None)
+            recorder.settle(0)
     assert not recorder.is_active
     assert recorder.start(2 * MS) == 2
     recorder.take([pair(3)])

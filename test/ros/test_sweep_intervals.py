@@ -1,0 +1,228 @@
+"""A sweep is an interval of time: what is stamped within it belongs to it, whenever it arrives."""
+
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from support import bags
+from support.bags import MS, SCENE
+from support.hand import DEEP_QUEUE, Hand
+from support.waiting import wait_until
+
+from tactile_localizer.core.geometry.synchronization import pair_recorded
+from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scene_file import save_scene
+from tactile_localizer.ros.base.child_process import end_with_parent
+
+pytestmark = pytest.mark.ros
+
+PHALANGES = ("index", "middle")
+NODE = "tactile_mapping"
+
+
+@pytest.fixture
+def files(tmp_path):
+    save_scene(SCENE, tmp_path / "scene.yaml")
+    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"}
+
+
+@contextmanager
+def busy_processes(count):
+    """Context in which processes use all CPUs."""
+    command = [sys.executable, "-c", "while True: pass"]
+    busy = [subprocess.Popen(command, preexec_fn=end_with_parent) for _ in range(count)]  # noqa: PLW1509
+    try:
+        yield
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+
+
+class Stream(threading.Thread):
+    """Publishes strain and poses of the present from a thread, and keeps them.
+
+    Parameters
+    ----------
+    probe : creates the publishers
+    delay_s : time from the stamp of a message to its publication
+    clock_s : time of the clock of the stamps ahead of this machine's
+    """
+
+    STRAIN_MS, POSE_MS = 10, 2
+
+    def __init__(self, probe, delay_s=0.0, clock_s=0.0):
+        from geometry_msgs.msg import PoseStamped
+
+        from tactile_localizer.msg import StrainVectors
+
+        super().__init__(daemon=True)
+        self._delay_s, self._ahead_ns = delay_s, round(clock_s * 1e9)
+        kinds = {"strain": StrainVectors, "palm_pose": PoseStamped}
+        self._publishers = {topic: probe.publisher(kind, topic, 10_000) for topic, kind in kinds.items()}
+        probe.known_to(NODE)
+        self.stamps = {"strain": [], "palm_pose": []}
+        self._ended = threading.Event()
+        self.start()
+
+    def now_ns(self):
+        """Time of the clock of the stamps."""
+        return time.time_ns() + self._ahead_ns
+
+    def run(self):
+        begin_ns, sent_ms = self.now_ns() // MS * MS, 0
+        while not self._ended.wait(0.005):
+            until_ms = (self.now_ns() - begin_ns) // MS - round(1000 * self._delay_s)
+            for at_ms in range(sent_ms, until_ms):
+                if at_ms % self.STRAIN_MS == 1:
+                    self._publish("strain", begin_ns + at_ms * MS)
+                if at_ms % self.POSE_MS == 0:
+                    self._publish("palm_pose", begin_ns + at_ms * MS)
+            sent_ms = max(sent_ms, until_ms)
+
+    def _publish(self, topic, stamp_ns):
+        if topic == "strain":
+            message = bags.strain(1, PHALANGES)
+        else:
+            message = bags.pose(1, "material", float(place_at(np.array([stamp_ns]))[0, 0]), 0.02)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
+        self._publishers[topic].publish(bytes(bags.STORE.serialize_cdr(message, bags.TYPES[topic])))
+        self.stamps[topic].append(stamp_ns)
+
+    def close(self):
+        self._ended.set()
+        self.join()
+
+
+def place_at(stamp_ns):
+    """Positions (n, 2) of the palm at stamps, m."""
+    x = 0.025 + 0.02 * np.sin((stamp_ns % (10 * 10**9)) * 2e-9 * np.pi / 5)
+    return np.column_stack([x, np.full(len(x), 0.02)])
+
+
+RELIABLE = {
+    f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in ("strain", "palm_pose")
+}
+
+
+def recorded(files):
+    return ScanFolder(files["scan_file"]).recording().sweeps
+
+
+def require_as_offline(sweep, stream):
+    """Require that a sweep has the pairs of a recording of the stream, to the last bit."""
+    stamp_ns, pose_ns = (np.array(stream.stamps[topic]) for topic in ("strain", "palm_pose"))
+    positions, found, _ = pair_recorded(SCENE.axes, stamp_ns, pose_ns, place_at(pose_ns))
+    rows = found & (stamp_ns >= sweep.stamp_ns[0]) & (stamp_ns <= sweep.stamp_ns[-1])
+    np.testing.assert_array_equal(sweep.stamp_ns, stamp_ns[rows])
+    np.testing.assert_array_equal(sweep.position, positions[rows])
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "clock_s"), [(0.3, 0.0), (0.0, -3600.0), (0.0, 0.02)], ids=["late", "another clock", "ahead"]
+)
+def test_a_sweep_is_an_interval_of_the_stamps(node_process, probe, files, delay_s, clock_s):
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE, **RELIABLE})
+    stream = Stream(probe, delay_s, clock_s)
+    try:
+        wait_until(lambda: len(stream.stamps["strain"]) > 30, "strain")
+        before_ns = stream.now_ns()
+        assert probe.trigger(f"{NODE}/start_sweep").success
+        started_ns = stream.now_ns()
+        wait_until(lambda: stream.now_ns() > started_ns + 500 * MS, "half a second")
+        until_ns = stream.now_ns()
+        answer = probe.trigger(f"{NODE}/end_sweep")
+        (sweep,) = recorded(files)
+    finally:
+        stream.close()
+    assert answer.success
+    assert answer.message.startswith(f"sweep 1 ended: {len(sweep)} pairs")
+    margin_ns = 30 * MS if clock_s else 0  # of another clock only what has arrived is known
+    assert before_ns - margin_ns < sweep.stamp_ns[0] < started_ns + 20 * MS
+    assert until_ns - 10 * MS - margin_ns < sweep.stamp_ns[-1]
+    require_as_offline(sweep, stream)
+
+
+@pytest.mark.slow
+def test_no_pair_is_lost_beside_six_busy_processes(node_process, probe, files):
+    """With five poses for each strain vector, the poses must not fall behind."""
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE, **RELIABLE, "patience_s": 30.0})
+    stream = Stream(probe)
+    intervals = []
+    try:
+        with busy_processes(6):
+            for _ in range(5):
+                assert probe.trigger(f"{NODE}/start_sweep").success
+                begin_ns = stream.now_ns()
+                wait_until(lambda begin_ns=begin_ns: stream.now_ns() > begin_ns + 10**9, "a second")
+                intervals.append((begin_ns, stream.now_ns()))
+                answer = probe.trigger(f"{NODE}/end_sweep")
+                assert answer.success, answer.message
+                assert "without a pose" not in answer.message
+    finally:
+        stream.close()
+    sweeps = recorded(files)
+    assert len(sweeps) == 5
+    for sweep, (begin_ns, end_ns) in zip(sweeps, intervals, strict=True):
+        assert sweep.gaps == 0
+        assert sweep.stamp_ns[0] < begin_ns + 20 * MS
+        assert sweep.stamp_ns[-1] > end_ns - 20 * MS
+        require_as_offline(sweep, stream)
+
+
+def test_a_sweep_without_pairs_is_no_success(node_process, probe, files):
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "patience_s": 0.1})
+    hand = Hand(probe)
+    assert hand.service("start_sweep").success
+    answer = hand.service("end_sweep")
+    assert (answer.success, answer.message) == (False, "sweep 1 ended: no pairs")
+    assert hand.service("start_sweep").success
+    hand.slide(100, poses=False)
+    hand.wait_for_stamp(100)
+    answer = hand.service("end_sweep")
+    assert (answer.success, answer.message) == (False, "sweep 2 ended: no pairs, 20 samples without a pose")
+
+
+def test_a_sweep_ends_without_the_strain_that_never_comes(node_process, probe, files, monkeypatch):
+    monkeypatch.setattr("support.bags.START", time.time_ns())
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "patience_s": 5.0})
+    hand = Hand(probe)
+    hand.slide(20)
+    assert hand.service("start_sweep").success
+    hand.now_ms = (time.time_ns() - bags.START) // MS // 20 * 20 + 20
+    hand.slide(200)
+    time.sleep(0.7)
+    answer = hand.service("end_sweep")
+    assert answer.success
+    assert ", no strain for its last " in answer.message
+    assert hand.service("start_sweep").success
+
+
+@pytest.mark.parametrize("what", ["the folder", "the file"])
+def test_a_scan_that_is_removed_is_reported_and_written_again(node_process, probe, files, what):
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
+    hand = Hand(probe)
+    reports = probe.diagnostics()
+    hand.service("start_sweep")
+    hand.slide(300)
+    hand.wait_for_stamp(300)
+    probe.until(lambda: hand.statuses[-1].samples >= 50, "pairs")
+    file = files["scan_file"] / "sweep_0001.npy"
+    if what == "the file":
+        file.unlink()
+    else:
+        files["scan_file"].rename(files["scan_file"].with_name("moved"))
+    process.wait_for_line(r"sweep_0001.npy: .* removed or cut short; its \d+ pairs are in sweep 2", 5.0)
+    probe.until(lambda: reports and reports[-1].status[0].level == b"\x02", "an error")
+    assert "removed or cut short" in reports[-1].status[0].message
+    answer = hand.service("end_sweep")
+    assert not answer.success
+    assert "removed or cut short" in answer.message
+    (sweep,) = recorded(files)
+    assert len(sweep) >= 50
+    probe.until(lambda: hand.statuses[-1].samples == len(sweep), "the number of pairs on disk")
+    assert hand.service("start_sweep").success
