@@ -97,10 +97,9 @@ def replay_report(
     """
     verdict, configuration = document["verdict"], document["configuration"]
     radius = describe_sizes(scene, convergence_criteria(scene, configuration).radius)
-    explained = (
-        "Right: converged at the end of the contact or of the sweep, and never converged farther from the "
-        f"truth than {radius}."
-    )
+    explained = "The true positions are unknown, so a sweep that converged may be wrong."
+    if verdict["has_truth"]:
+        explained = f"Right: converged at the end of contact or sweep, and never off by more than {radius}."
     sections = [
         _map(scan, scene, recording),
         _sweeps(scene, sweeps, configuration),
@@ -112,7 +111,7 @@ def replay_report(
         title=f"{_names(document['recording']['source'])} on {_names(scan_name)}",
         good=verdict["success"],
         verdict=_sentence(str(judge(scene, sweeps, configuration))),
-        explained=[explained] if verdict["has_truth"] else [],
+        explained=explained,
         notes=_first([*notes, *verdict["notes"]]),
         tiles=_tiles(document),
         sections=sections,
@@ -141,7 +140,7 @@ def scan_report(
         title=_names(scan_name),
         good=not found,
         verdict=f"{len(found)} findings" if len(found) > 1 else "One finding" if found else "No findings",
-        explained=[],
+        explained="",
         notes=found,
         tiles=[
             (f"{len(scan):,}", "pairs of position and strain"),
@@ -282,7 +281,7 @@ def _worst_sweep(
         belief = belief_figure(scene, sweep, moments, beliefs, (_WIDTH_IN, _WIDTH_IN))
         progress = progress_figure(scene, sweep, moments, configuration, (_WIDTH_IN, 0.8 * _WIDTH_IN))
     notes = judge(scene, [sweep], configuration).notes
-    what = f"sweep {sweep.number} converged after the longest travel; none was wrong"
+    what = f"sweep {sweep.number} converged after the longest travel"
     lines = [f"{_sentence(notes[0] if notes else what)}."]
     if configuration.filter == "particle":
         lines.append("The belief is of another run of the particle filter, with other random numbers.")

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -14,9 +15,14 @@ import numpy as np
 import pytest
 from support.sweeps import scene_of
 
-from tactile_localizer import __version__
+from tactile_localizer import Configuration, Recording, __version__, load_scan, make_localizer
 from tactile_localizer.cli import main
+from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scene_file import save_scene
+from tactile_localizer.offline.replay import replay
+from tactile_localizer.offline.replay_document import replay_document
+from tactile_localizer.offline.report import replay_report
+from tactile_localizer.offline.verdict import judge
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -84,7 +90,7 @@ def test_a_replays_report_has_what_a_reader_looks_for(folder: Path) -> None:
         "The map",
         "Error along the sweeps",
         "The worst sweep",
-        "converged after the longest travel; none was wrong.",
+        "converged after the longest travel.",
         "convergence_radius: 0.0075",
         "information length",
         f"tactile_localizer {__version__}",
@@ -151,6 +157,25 @@ def test_any_scene_and_name_can_be_reported(
         assert {"<script>alert(1)</script>", "<b>&$"} <= set(
             re.findall(r"<script>.*?</script>|<b>&\$", page.text)
         )
+
+
+def test_without_a_truth_the_report_says_that_a_claim_may_be_wrong(folder: Path, tmp_path: Path) -> None:
+    sweeps = read_csv(folder / "test.csv", scene_of()).sweeps
+    scan, scene = load_scan(folder / "bump_scan")
+    localizer = make_localizer(scan, scene, scan_file=folder / "bump_scan")
+    recording = Recording("a_bag", tuple(replace(sweep, truth=None) for sweep in sweeps))
+    replayed, configuration = replay(localizer, recording), Configuration()
+    verdict = judge(scene, replayed, configuration)
+    document = replay_document(
+        scene, configuration, recording, replayed, {}, verdict, odometry="recorded", seed=1
+    )
+    arguments = document, "bump_scan", scan, scene, localizer, recording, replayed, ["a <note>"]
+    (tmp_path / "report.html").write_text(replay_report(*arguments))
+    page = Page(tmp_path / "report.html")
+    assert "so a sweep that converged may be wrong" in page.text
+    assert "a <note>" in page.text
+    assert "error while converged" not in page.text
+    assert "error, mm" not in page.text.partition("Error along the sweeps")[2].partition("All 3 sweeps")[0]
 
 
 def in_chromium(folder: Path, report: Path, *options: str) -> subprocess.CompletedProcess:

@@ -39,24 +39,25 @@ def replay_figure(
     size_in : width and height, inches
     """
     lengths = [index for index, axis in enumerate(scene.axes) if axis.name != "yaw"]
+    has_truth = any(sweep.truth is not None for sweep in sweeps)
+    titles = [*(("error, mm",) if has_truth else ()), "standard deviation, mm"]
     figure = Figure(figsize=size_in, layout="constrained")
-    plots = figure.subplots(2, 1, sharex=True)
+    plots = figure.subplots(len(titles), 1, sharex=True, squeeze=False)[:, 0]
     criteria = convergence_criteria(scene, configuration)
     for sweep in sweeps:
         wrong = relative_error(scene, sweep, criteria) > 1.0
         travel = MM * travel_from_contact(sweep)
         variances = np.diagonal(sweep.covariance, axis1=1, axis2=2)[:, lengths]
         rows = MM * position_error(scene, sweep), MM * np.sqrt(variances.sum(axis=1))
-        for plot, values in zip(plots, rows, strict=True):
+        for plot, values in zip(plots, rows[-len(plots) :], strict=True):
             plot.plot(travel, values, color=SEARCHING, linewidth=0.8)
             for claim, colour in ((sweep.converged, CONVERGED), (wrong, WRONG)):
                 plot.plot(travel, np.where(claim, values, np.nan), color=colour, linewidth=1.2)
-    titles = ("error, mm", "standard deviation, mm")
     for plot, title in zip(plots, titles, strict=True):
         plot.set_ylabel(title)
         plot.set_ylim(bottom=0.0)
         plot.grid(alpha=0.3)
-    plots[1].set_xlabel(travel_label(sweeps))
+    plots[-1].set_xlabel(travel_label(sweeps))
     _add_legend(figure)
     return figure
 
