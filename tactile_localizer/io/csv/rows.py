@@ -17,8 +17,8 @@ from typing import Any, BinaryIO, NamedTuple
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.whole_file import open_file
 
-_MOST_NUMBERS = 2**25
-"""Most numbers of a file, which take 0.3 GB: half an hour of 16 channels at 1 kHz."""
+_MOST_NUMBERS = 25_000_000
+"""Most numbers of a file, which take 0.2 GB, several times: 20 min of 16 channels at 1 kHz."""
 _MAX_LINE = 2**20
 """Longest line, characters: a file of another kind could be one."""
 _HEAD = 200
@@ -150,4 +150,6 @@ def _header(head: list[str], wanted: Collection[str]) -> Header:
 
 
 def _cells(line: str, separator: str) -> list[str]:
+    if '"' not in line:  # several times faster than a reader
+        return line.split(None if separator == " " else separator)
     return next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])

@@ -7,6 +7,7 @@ import re
 from array import array
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from datetime import datetime
 from decimal import Decimal
 from operator import mul
 from pathlib import Path
@@ -30,8 +31,12 @@ from tactile_localizer.scene import AXIS_NAMES, Scene
 
 _MAX_STAMP_NS = 2**62
 """Largest stamp: differences of stamps fit into 64 bits."""
-_DATE = re.compile(r"([0-9]{4}-[0-9]{2}-[0-9]{2}[T ][0-9:.]+)\s*(?:Z|UTC|([-+][0-9]{2}):?([0-9]{2})?)?")
-"""Date and time in ISO 8601, and the hours and minutes of its zone."""
+_DATE = re.compile(
+    r"([0-9-]{10}[T ][0-9]{2}:[0-9]{2}:[0-9]{2})(\.[0-9]+)?\s*(?:Z|UTC|([-+][0-9]{2}):?([0-9]{2})?)?"
+)
+"""Date and time in ISO 8601, fraction of a second, and hours and minutes of the time zone."""
+_LARGEST = 1e100
+"""Largest number, of which squares are finite."""
 _FLAGS = {"true": "1", "false": "0"}
 
 
@@ -83,23 +88,24 @@ def read_table(
     """
     must = {stamp: naming.of(stamp), **axes, **strains}
     header, rows = read_rows(path, [name for each in must.values() for name in each.names])
-    may = [*(TRUE[axis] for axis in axes), *((SWEEP, FELT) if strains else ())]
+    may = [*((SWEEP, FELT) if strains else ()), *(TRUE[axis] for axis in axes)]
     there = {*naming.columns, *header.names}
     beside = {name: naming.of(name) for name in may if not there.isdisjoint((name, *naming.of(name).names))}
     needed = {stamp: naming.of(stamp), **axes, **beside, **strains}
-    cells = _Cells(header, needed, _indices(path, header.names, needed, naming, scene), len(axes))
+    required = len(axes) + (SWEEP in beside)
+    cells = _Cells(header, needed, _indices(path, header.names, needed, naming, scene), required)
     stamps, values = array("q"), array("d")
     lost, first = 0, ""
     for line, row in rows:
         try:
             time_s, numbers = cells.read(row)
+            if abs(time_s) * 10**9 > _MAX_STAMP_NS:
+                unit = in_other_unit(stamp, needed[stamp])
+                raise ValueError(f"expected a stamp in s, found {float(time_s):.6g}{unit}")
         except ValueError as error:
             if str(error):
                 lost, first = lost + 1, first or f"line {line}, {error}"
             continue
-        if abs(time_s) * 10**9 > _MAX_STAMP_NS:
-            unit = in_other_unit(stamp, needed[stamp])
-            raise ScanError(f"{path}: expected stamps in s, found {float(time_s):.6g}{unit}")
         stamps.append(int((time_s * 10**9).to_integral_value()))
         values.extend(numbers)
     n, stamp_ns = len(stamps), np.array(stamps)
@@ -111,8 +117,8 @@ def read_table(
     notes = [f"skipped {lost} of {n + lost} rows of {path} (first: {first})"] if lost else []
     table = np.frombuffer(values).reshape(n, -1)
     table *= [float(factor) for each in list(needed.values())[1:] for factor in each.factors]
+    table[~(np.abs(table) <= _LARGEST)] = math.nan
     strain = table[:, len(axes) + len(beside) :]
-    strain[~np.isfinite(strain)] = math.nan
     names = [name for each in strains.values() for name in each.names]
     counts = zip(names, np.isnan(strain).sum(axis=0).tolist(), strict=True)
     if missing := [f"{name} ({count} of {n} rows)" for name, count in counts if count]:
@@ -133,17 +139,17 @@ class _Cells:
     Parameters
     ----------
     header : header of the file
-    needed : columns by quantity: the stamp, ``positions`` that have to be finite, and others
+    needed : columns by quantity: the stamp, ``required`` ones that have to be finite, and others
     indices : places of all these columns in the header
     """
 
     def __init__(
-        self, header: Header, needed: Mapping[str, Columns], indices: Sequence[int], positions: int
+        self, header: Header, needed: Mapping[str, Columns], indices: Sequence[int], required: int
     ) -> None:
         self._header, self._indices = header, indices
         self._stamp = next(iter(needed.values()))
         self._stamps = len(self._stamp.names)
-        self._finite = self._stamps + positions
+        self._required = self._stamps + required
         self._quantities = [name for name, each in needed.items() for _ in each.names]
 
     def read(self, row: list[str]) -> tuple[Decimal, list[float]]:
@@ -154,10 +160,8 @@ class _Cells:
         ValueError
             It cannot be read; without a reason, if it has none of the values and belongs to another series.
         """
-        try:
+        with suppress(ValueError, ArithmeticError, IndexError):
             return self._numbers([row[each] for each in self._indices])
-        except (ValueError, ArithmeticError, IndexError):
-            pass
         names = self._header.names
         if len(row) < len(names):
             raise ValueError(f"expected {len(names)} cells, found {len(row)}")
@@ -170,9 +174,9 @@ class _Cells:
             for quantity, cell in zip(self._quantities, cells, strict=True)
         ]
         for place, text in enumerate(plain):
-            if not _is_number(text, finite=place < self._finite):
+            if not _is_number(text, required=place < self._required):
                 found = repr(cells[place][:40]) if cells[place] else "an empty cell"
-                if not cells[place] and self._stamps <= place < self._finite:
+                if not cells[place] and self._stamps <= place < self._required:
                     found += " (positions in rows of their own? pass the file by --poses too)"
                 raise ValueError(f"column {names[self._indices[place]]}: expected a number, found {found}")
         return self._numbers(plain)
@@ -184,26 +188,27 @@ class _Cells:
         # A float would lose 0.2 us since 1970.
         time_s = sum(map(mul, map(Decimal, cells[: self._stamps]), self._stamp.factors), self._stamp.offset)
         numbers = list(map(float, cells[self._stamps :]))
-        if not time_s.is_finite() or not all(map(math.isfinite, numbers[: self._finite - self._stamps])):
+        if not time_s.is_finite() or not all(
+            abs(each) <= _LARGEST for each in numbers[: self._required - self._stamps]
+        ):
             raise ValueError
         return time_s, numbers
 
 
 def _plain(quantity: str, cell: str) -> str:
     """A cell as a number: that of a date in UTC, 1 for true, NaN for an empty cell that is not needed."""
-    if quantity in STAMPS and (date := _DATE.fullmatch(cell)) and not _is_number(cell, finite=False):
+    if quantity in STAMPS and (date := _DATE.fullmatch(cell)):
         with suppress(ValueError):
-            ns = int(np.datetime64(date[1], "ns").astype(np.int64))
-            shift_s = 3600 * int(date[2] or 0) + int(f"{(date[2] or '+')[0]}{date[3] or 0}") * 60
-            return str(Decimal(ns).scaleb(-9) - shift_s)
+            second = datetime.fromisoformat(f"{date[1]}{date[3] or '+00'}:{date[4] or '00'}").timestamp()
+            return str(Decimal(second) + Decimal(date[2] or 0))
     if quantity == FELT:
         cell = _FLAGS.get(cell.lower(), cell)
     return cell or "nan" * (quantity not in (SWEEP, *AXIS_NAMES))
 
 
-def _is_number(text: str, *, finite: bool) -> bool:
+def _is_number(text: str, *, required: bool) -> bool:
     try:
-        return text.isascii() and "_" not in text and (math.isfinite(float(text)) or not finite)
+        return text.isascii() and "_" not in text and (abs(float(text)) <= _LARGEST or not required)
     except ValueError:
         return False
 

@@ -276,6 +276,7 @@ def test_names_with_commas_and_signs_can_be_given(tmp_path):
         ("sec", lambda n: (f"1970-01-01 00:00:01.{10 * n:03}", 0)),
         ("sec", lambda n: (f"1970-01-01T02:00:01.{10 * n:03}000000+02:00", 0)),
         ("sec", lambda n: (f"1969-12-31T20:30:01.{10 * n:03}-0330", 0)),
+        ("sec", lambda n: (f"1970-01-01 00:00:01.{1e4 * n:06.0f} UTC", 0)),
         ("sec-1732550400", lambda n: (f"2024-11-25 16:00:01.{10 * n:03}Z", 0)),
     ],
 )
@@ -423,7 +424,7 @@ ROW = ",0" + ",1" * 8 + "\n"
         (HEAD + "1,0" + ",5" * 16, "line 2: expected 10 cells as in the header, found 18 .decimal commas"),
         (
             HEAD + "1.7e12" + ROW,
-            r"in s, found 1.7e\+12 .another unit\? --column stamp_s=stamp_s\*0.001",
+            r"a stamp in s, found 1.7e\+12 .another unit\? --column stamp_s=stamp_s\*0.001",
         ),
         (HEAD + "17e17" + ROW, r"found 1.7e\+18 \(another unit\? .* \*1e-9 for ns"),
         ("x," + HEAD, "expected one column 'x', found 2"),
