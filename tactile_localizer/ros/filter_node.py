@@ -155,9 +155,9 @@ class FilterNode(ManagedNode):
         self._inputs.start(loaded.scene)
         self._loaded, self._online = loaded, online
         self._stale = ""
-        self._silent: list[str] = []
         self._arrivals = Increments()
         self._last_ns = dict.fromkeys((*_INPUTS, "estimate"), self.now_ns)
+        self._age_s = dict.fromkeys(self._last_ns, 0.0)
 
     def _on_pairs(self, pairs: list[Pair[StrainSample]]) -> None:
         self._publish(self._online.take(pairs, self._inputs.pairing.resets))
@@ -232,14 +232,13 @@ class FilterNode(ManagedNode):
         for name, last_ns in self._last_ns.items():
             if arrived.get(name) or not 0 < last_ns <= now_ns:  # simulated time starts, or restarts
                 self._last_ns[name] = now_ns
-        oldest_ns = now_ns - timeout_s * NANOSECONDS
-        self._silent = [topic for topic in _INPUTS if self._last_ns[topic] < oldest_ns]
-        was_stale, self._stale = bool(self._stale), ""
+        self._age_s = {name: (now_ns - last_ns) / NANOSECONDS for name, last_ns in self._last_ns.items()}
+        age_s = self._age_s["estimate"]
         if self._online.latest is not None:
             behind_ns = self._inputs.pairing.newest_input_ns - self._online.latest.stamp_ns
-            age_s = max(now_ns - self._last_ns["estimate"], behind_ns) / NANOSECONDS
-            if age_s > timeout_s:
-                self._stale = f"{self._missing()}, no estimate for {age_s:.1f} s"
+            age_s = max(age_s, behind_ns / NANOSECONDS)
+        was_stale = bool(self._stale)
+        self._stale = f"{self._missing()}, no estimate for {age_s:.1f} s" if age_s > timeout_s else ""
         if bool(self._stale) != was_stale:
             self.get_logger().warning(f"stale: {self._stale}" if self._stale else "no longer stale")
         if self._stale and not was_stale:
@@ -250,32 +249,38 @@ class FilterNode(ManagedNode):
 
     def _missing(self) -> str:
         """Why there is no new estimate."""
-        if self._silent:
-            return " and ".join(f"no {topic}" for topic in self._silent)
-        inputs, tolerance_s = self._inputs, self.parameters["stale_timeout_s"] / 2
+        inputs, timeout_s = self._inputs, self.parameters["stale_timeout_s"]
+        sparse = inputs.sparsity(self._age_s["palm_pose"])
+        if silent := [topic for topic in self._silent() if topic == "strain" or not sparse]:
+            return " and ".join(map(inputs.absence, silent))
         strain_ns, pose_ns = inputs.pairing.newest_ns or 0, inputs.pairing.newest_pose_ns or 0
         late = "palm_pose" if pose_ns < strain_ns else "strain"
         invalid = map(inputs.problems.get, _INPUTS)
-        reasons = (*invalid, inputs.misalignment(tolerance_s), self._online.last_error)
-        return next(filter(None, reasons), f"no {late}")
+        reasons = (*invalid, sparse, inputs.misalignment(timeout_s / 2), self._online.last_error)
+        return next(filter(None, reasons), inputs.absence(late))
+
+    def _silent(self) -> list[str]:
+        """Topics of which nothing has arrived recently."""
+        return [topic for topic in _INPUTS if self._age_s[topic] > self.parameters["stale_timeout_s"]]
 
     def _problem(self) -> str:
         """What is wrong with the inputs; empty if nothing is."""
-        missing = self._stale or (self._missing() if self._silent else "")
+        missing = self._stale or (self._missing() if self._silent() else "")
         inputs = self._inputs
         return missing or inputs.misalignment(self.parameters["patience_s"]) or inputs.motion()
 
     def _repeat_as_stale(self) -> None:
+        """Publish the last estimate, or that there is none yet, with the reason."""
+        localizer = self._loaded.localizer
         if self._online.latest is not None:
-            self._estimates.publish(self._online.latest, self._loaded.localizer, self._stale)
+            self._estimates.publish(self._online.latest, localizer, self._stale)
+        else:
+            reason = self._stale or f"no estimate yet, {self._missing()}"
+            self._estimates.publish_waiting(self._inputs.newest_ns or self.now_ns, localizer, reason)
 
     def _statuses(self) -> list[DiagnosticStatus]:
-        if self._stale:
+        if self._stale or self._online.latest is None:
             self._repeat_as_stale()
-        elif self._online.latest is None:
-            reason = f"no estimate yet, {self._missing()}"
-            stamp_ns = self._inputs.newest_ns or self.now_ns
-            self._estimates.publish_waiting(stamp_ns, self._loaded.localizer, reason)
         return [
             self._diagnostics.belief(self._online, str(self._loaded.path), self._stale),
             self._diagnostics.inputs(self._inputs, self._online, self._problem(), bool(self._stale)),

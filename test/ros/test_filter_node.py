@@ -81,6 +81,20 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     )
 
 
+def test_topics_without_messages_are_warned_of_once(node_process, probe, scan_file):
+    from geometry_msgs.msg import PoseStamped
+
+    probe.node.create_publisher(PoseStamped, "arm/pose", 10)
+    reports = probe.diagnostics()
+    node = node_process("filter_node", {"scan_file": scan_file}, {"palm_pose": "arm/pose"})
+    missing = r"no strain on /strain \(0 publishers\) and no palm_pose on /arm/pose \(1 publisher\)"
+    node.wait_for_line(rf"WARN.*stale: {missing}, no estimate for 0\.\d s", 60.0)
+    probe.until(lambda: sum("inputs" in array.status[-1].name for array in reports) >= 2, "diagnostics")
+    assert node.output.count("WARN") == 1
+    levels = {status.name: status.level for status in reports[-1].status}
+    assert levels == {"tactile_filter: belief": b"\x03", "tactile_filter: inputs": b"\x02"}, "no green lamp"
+
+
 def test_diagnostics_describe_belief_and_inputs(start, probe):
     node = start()
     node.slide(100)

@@ -54,15 +54,20 @@ def slide_until(node, reason, **how):
     return node.probe.until(given, reason)
 
 
+MISSING = (
+    r"no strain on /strain \(1 publisher\) and no palm_pose on /palm_pose \(1 publisher\), no estimate for"
+)
+
+
 def test_missing_inputs_are_reported(node, probe):
-    probe.until(
-        lambda: {"strain", "palm_pose"} <= set(node.status("inputs")[1].split()), "the missing inputs"
-    )
-    assert node.status("inputs")[0] == b"\x01"
-    waiting = probe.until(lambda: node.posteriors, "a posterior that says what is missing")[-1]
+    waiting = probe.until(
+        lambda: [one for one in node.posteriors if re.match(f"stale: {MISSING}", one.reason)], "the reason"
+    )[-1]
     assert waiting.stale
     assert not waiting.converged
-    assert waiting.reason == "stale: no estimate yet, no strain and no palm_pose"
+    probe.until(lambda: re.match(MISSING, node.status("inputs")[1]), "the missing inputs")
+    assert node.status("inputs")[0] == b"\x02"
+    assert node.status("belief")[0] == b"\x03", "stale"
     node.slide(10)
     assert not node.posteriors[-1].stale
 
@@ -123,7 +128,7 @@ def test_without_poses_the_estimate_is_stale(node, probe):
     probe.known_to("tactile_filter")
     node.slide(100)
     last = node.fresh()[-1]
-    stale = slide_until(node, "stale: no palm_pose, no estimate", poses=False)
+    stale = slide_until(node, r"stale: no palm_pose on /palm_pose \(1 publisher\), no estimate", poses=False)
     assert stale.stale
     assert (list(stale.mean), stamp_of(stale)) == (list(last.mean), stamp_of(last))
     assert not stale.converged
@@ -133,6 +138,27 @@ def test_without_poses_the_estimate_is_stale(node, probe):
     node.slide(10)
     assert not node.posteriors[-1].stale
     assert node.status("belief")[0] in (b"\x00", b"\x03")
+
+
+def test_a_late_subscriber_gets_the_last_pose(node, probe):
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+
+    node.slide(30)
+    poses = probe.listen(PoseWithCovarianceStamped, "tactile_filter/pose", probe.latched)
+    (pose,) = probe.until(lambda: poses, "the pose")
+    near = next(one for one in node.fresh() if stamp_of(one) == stamp_of(pose))
+    assert stamp_of(node.fresh()[-1]) - stamp_of(near) <= 200_000_000, "the period of ~/particles"
+    np.testing.assert_allclose([pose.pose.pose.position.x, pose.pose.pose.position.y], near.mean)
+
+
+def test_poses_that_are_too_far_apart_are_the_reason(node, monkeypatch):
+    def send_some(k):
+        if k % 10 == 0:
+            send(k)
+
+    send = node.hand.send_pose
+    monkeypatch.setattr(node.hand, "send_pose", send_some)
+    slide_until(node, r"stale: palm_pose at 2\.5 Hz, max_gap_s 0\.1, no estimate")
 
 
 def test_without_strain_the_estimate_is_stale(node, probe):
@@ -157,7 +183,7 @@ def test_poses_with_the_stamps_of_another_clock_are_reported(node, probe, monkey
         lambda: node.hand.slide(1) or "palm_pose: stamps are 3" in node.status("inputs")[1], "the report"
     )
     assert re.search(rf"3(600\.\d|599\.\d) s {what} the strain", node.status("inputs")[1])
-    assert node.status("inputs")[0] == b"\x01"
+    probe.until(lambda: node.status("inputs")[0] == b"\x02", "the error level")
     assert not node.fresh()
 
 

@@ -49,19 +49,16 @@ def test_tf_parameters_require_tf(refusal: Any, tmp_path: Any, parameters: Any) 
 
 
 class Poses:
-    """A lookup with the real buffer, its poses and its failures."""
+    """The poses that the real buffer gives for transforms."""
 
-    def __init__(self, patience_s: float = 0.5) -> None:
+    def __init__(self) -> None:
         pytest.importorskip("tf2_ros", reason="tf2_ros is not installed: only a ROS 2 distribution has it")
-        from tactile_localizer.ros.subscriptions.tf_poses import PalmLookup
+        from tactile_localizer.ros.subscriptions.tf_poses import TfPoses
 
         self.found: list[Any] = []
-        self.missed: list[str] = []
-        self.lookup = PalmLookup(
-            "base_link", "palm", patience_s, self.found.append, lambda error: self.missed.append(str(error))
-        )
+        self.poses = TfPoses("base_link", "palm", self.found.append)
         self.callbacks: list[Any] = []
-        self.lookup.subscribe(
+        self.poses.subscribe(
             SimpleNamespace(create_subscription=lambda *given: self.callbacks.append(given[2]))  # type: ignore[arg-type]
         )
 
@@ -73,56 +70,30 @@ class Poses:
         set_stamp(transform, START + ms * MS)
         transform.transform.translation.x = x
         transform.transform.rotation.w = 1.0
-        self.callbacks[topic](SimpleNamespace(transforms=[transform]))
-
-    def look_up(self, *stamps_ms: int) -> None:
-        for ms in stamps_ms:
-            self.lookup.look_up(START + ms * MS)
+        self.callbacks[topic](SimpleNamespace(transforms=[transform]), {})
 
     def places(self) -> list[tuple[int, float]]:
         """Stamps, ms, and x of the poses found."""
         return [((stamp_of(m) - START) // MS, round(m.pose.position.x, 9)) for m in self.found]
 
 
-def test_a_pose_is_looked_up_between_transforms() -> None:
+def test_each_transform_gives_a_pose() -> None:
     poses = Poses()
     poses.send(0, 0.0)
     poses.send(20, 0.02)
-    poses.look_up(5, 10)
-    assert poses.places() == [(5, 0.005), (10, 0.01)]
+    poses.send(20, 0.02)
+    poses.send(10, 0.01)
+    assert poses.places() == [(0, 0.0), (20, 0.02)]
     assert poses.found[0].header.frame_id == "base_link"
+    assert not poses.poses.problem
 
 
-def test_a_late_transform_is_waited_for() -> None:
+def test_frames_that_are_not_connected_are_named() -> None:
     poses = Poses()
-    poses.send(0, 0.0)
-    poses.look_up(5, 25)
-    assert poses.places() == []
-    poses.send(20, 0.02)
-    assert poses.places() == [(5, 0.005)]
-    poses.send(40, 0.04)
-    assert poses.places() == [(5, 0.005), (25, 0.025)]
-    assert poses.missed == []
-
-
-def test_a_missing_transform_fails_after_the_patience() -> None:
-    poses = Poses(patience_s=0.1)
-    poses.look_up(0, 50, 100)
-    assert poses.missed == []
-    poses.look_up(150)
-    assert len(poses.missed) == 1
-    assert '"base_link" passed to lookupTransform' in poses.missed[0]
-
-
-def test_lookups_before_the_first_transform_fail() -> None:
-    poses = Poses(patience_s=0.1)
-    poses.send(100, 0.1)
-    poses.send(300, 0.3)
-    poses.look_up(50)
-    assert len(poses.missed) == 1, "it is not waited for"
-    poses.look_up(200)
-    assert poses.places() == [(200, 0.2)]
-    assert "extrapolation into the past" in poses.missed[0]
+    poses.send(0, 0.0, "base_link", "tool0")
+    assert "palm" in poses.poses.problem
+    poses.send(0, 0.0, "tool0", "palm")
+    assert not poses.poses.problem
 
 
 def test_static_frames_are_chained() -> None:
@@ -130,41 +101,73 @@ def test_static_frames_are_chained() -> None:
     poses.send(0, 1.0, "wrist", "palm", topic=1)
     poses.send(0, 0.0, "base_link", "wrist")
     poses.send(20, 0.02, "base_link", "wrist")
-    poses.look_up(10)
-    assert poses.places() == [(10, 1.01)]
+    assert poses.places() == [(0, 1.0), (20, 1.02)]
+
+
+def test_the_slowest_frame_between_sets_the_times_of_the_poses() -> None:
+    poses = Poses()
+    for ms in range(0, 2000, 10):
+        poses.send(ms, ms / 1000, "base_link", "elbow")
+        if ms % 500 == 0:
+            poses.send(ms, 0.0, "elbow", "palm")
+    assert poses.places() == [(0, 0.0), (500, 0.5), (1000, 1.0), (1500, 1.5)]
 
 
 def test_a_looping_bag_clears_the_buffer() -> None:
     poses = Poses()
+    once = [(ms, ms / 1000) for ms in range(0, 20_000, 20)]
     for loop in range(2):
-        for ms in range(0, 20_000, 20):
-            poses.send(ms, loop + ms / 1000)
-            poses.look_up(ms)
-        assert poses.places()[-1] == (19_980, loop + 19.98)
-    begun_anew = poses.places()[1000:]
-    assert len(begun_anew) >= 998, "at most the first of the second time is lost"
-    assert [x for _, x in begun_anew] == pytest.approx([1 + ms / 1000 for ms, _ in begun_anew])
+        for ms, x in once:
+            poses.send(ms, loop + x)
+    assert poses.places() == [(ms, round(loop + x, 9)) for loop in range(2) for ms, x in once]
+
+
+class HandOnTf(SlidingHand):
+    """A hand whose poses are transforms from ``base_link`` to ``palm_frame``."""
+
+    def __init__(self, probe: Any, palm_frame: str) -> None:
+        messages = pytest.importorskip("tf2_msgs.msg", reason="only a ROS 2 distribution has tf2_msgs")
+        self._message, self._palm_frame = messages.TFMessage, palm_frame
+        self._tf = probe.publisher(self._message, "/tf", 100, timeout_s=60.0)
+        super().__init__(probe, unseen_sweep(), poses=False)
+
+    def send_pose(self, k: int) -> None:
+        from geometry_msgs.msg import TransformStamped
+
+        transform = TransformStamped(child_frame_id=self._palm_frame)
+        transform.header.frame_id = "base_link"
+        set_stamp(transform, self.offset_ns + int(self.pose_ns[k]))
+        place = transform.transform.translation
+        place.x, place.y = map(float, self.sweep.position[k])
+        transform.transform.rotation.w = 1.0
+        self._tf.publish(self._message(transforms=[transform]))
+
+
+@pytest.mark.parametrize("source", ["topic", "tf"])
+def test_poses_that_are_too_far_apart_are_not_interpolated(
+    node_process: Any, probe: Any, scan_file: Any, source: str
+) -> None:
+    """Between them the hand may have stopped and gone on."""
+    if source == "tf":
+        pytest.importorskip("tf2_msgs", reason="only a ROS 2 distribution has tf2_msgs")
+    process = node_process("filter_node", {"pose_source": source, "scan_file": scan_file, **CELL})
+    hand = HandOnTf(probe, "palm") if source == "tf" else SlidingHand(probe, unseen_sweep())
+    node = Filter(process, probe, hand)
+    node.slide(20)
+    hand.slide(30, poses=False)
+    node.slide(20)
+    estimated = {hand.sample_of(one) for one in node.fresh()}
+    assert {*range(20), *range(51, 70)} <= estimated
+    assert not estimated & {*range(21, 50)}
 
 
 def test_a_filter_on_tf_publishes_the_material(node_process: Any, probe: Any, scan_file: Any) -> None:
     pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed: only a ROS 2 distribution has it")
-    from geometry_msgs.msg import TransformStamped
     from tf2_msgs.msg import TFMessage
-
-    class HandOnTf(SlidingHand):
-        def send_pose(self, k: int) -> None:
-            transform = TransformStamped(child_frame_id="left_palm")
-            transform.header.frame_id = "base_link"
-            set_stamp(transform, self.offset_ns + int(self.pose_ns[k]))
-            place = transform.transform.translation
-            place.x, place.y = map(float, self.sweep.position[k])
-            transform.transform.rotation.w = 1.0
-            self.tf.publish(TFMessage(transforms=[transform]))
 
     parameters = {"pose_source": "tf", "palm_frame": "left_palm", "material_frame": "left_material"}
     process = node_process("filter_node", {"scan_file": scan_file, "publish_tf": True, **parameters, **CELL})
-    HandOnTf.tf = probe.publisher(TFMessage, "/tf", 100, timeout_s=60.0)
-    hand = HandOnTf(probe, unseen_sweep(), topics=("strain", "no_pose"), poses=False)
+    hand = HandOnTf(probe, "left_palm")
     node = Filter(process, probe, hand)
     transforms: list[Any] = []
 

@@ -129,7 +129,7 @@ FAULTS = {
     "frames lost": Fault(*injected("drop", 0.1, 0.0), "tactile_driver: middle", "lost"),
     "garbage frames": Fault(*injected("garbage", 0.3, 0.0), "tactile_driver: CAN bus", "discarded frames"),
     "driver frozen": Fault(*frozen("driver"), "tactile_filter: inputs", "no strain"),
-    "simulator frozen": Fault(*frozen("simulator"), "tactile_filter: inputs", "no strain and no palm_pose"),
+    "simulator frozen": Fault(*frozen("simulator"), "tactile_filter: inputs", "no palm_pose"),
     "driver down": Fault(*deactivated("driver"), "tactile_filter: inputs", "no strain"),
 }
 

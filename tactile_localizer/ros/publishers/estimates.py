@@ -17,6 +17,7 @@ from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.msg import Posterior
 from tactile_localizer.ros.base.parameters import Parameters
+from tactile_localizer.ros.base.qos import LATCHED
 from tactile_localizer.ros.conversions import from_ns
 from tactile_localizer.ros.publishers import hand_markers
 
@@ -138,7 +139,7 @@ class EstimatePublisher:
         self._displayed_ns, self._period_ns = -math.inf, 0.0
         self._posterior = node.create_lifecycle_publisher(Posterior, "~/posterior", 100)
         self._converged = node.create_lifecycle_publisher(Bool, "~/converged", 100)
-        self._pose = node.create_lifecycle_publisher(PoseWithCovarianceStamped, "~/pose", 100)
+        self._pose = node.create_lifecycle_publisher(PoseWithCovarianceStamped, "~/pose", LATCHED)
         self._particles = node.create_lifecycle_publisher(PointCloud2, "~/particles", 10)
         self._markers = node.create_lifecycle_publisher(MarkerArray, "~/markers", 10)
 
@@ -149,9 +150,12 @@ class EstimatePublisher:
         self._posterior.publish(self._message)
         if self._converged.get_subscription_count():
             self._converged.publish(Bool(data=estimate.converged and not stale))
-        if self._pose.get_subscription_count() and not stale:
+        is_displayed = stale or not 0 <= estimate.stamp_ns - self._displayed_ns < self._period_ns
+        if not stale and (
+            is_displayed or self._pose.get_subscription_count()
+        ):  # the last is for late subscribers
             self._pose.publish(pose(estimate, axes, self._frame))
-        if stale or not 0 <= estimate.stamp_ns - self._displayed_ns < self._period_ns:
+        if is_displayed:
             self._display(estimate, localizer, stale)
 
     def publish_waiting(self, stamp_ns: int, localizer: Localizer, reason: str) -> None:

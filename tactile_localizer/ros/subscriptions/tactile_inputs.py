@@ -31,7 +31,7 @@ from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.conversions import to_ns
 from tactile_localizer.ros.diagnostics.status import LargestRecent
-from tactile_localizer.ros.subscriptions.tf_poses import PalmLookup
+from tactile_localizer.ros.subscriptions.tf_poses import TfPoses
 from tactile_localizer.scene import Axis, Scene
 
 _Pairs = list[Pair[StrainSample]]
@@ -72,7 +72,7 @@ FRAMES = (
     Parameter(
         "pose_source",
         "topic",
-        "Source of palm poses: topic palm_pose, or lookup in tf at the stamp of the strain vector",
+        "Source of palm poses: topic palm_pose, or tf",
         choices=("topic", "tf"),
     ),
     Parameter("palm_frame", "palm", "Frame of the palm, looked up in reference_frame if pose_source is tf"),
@@ -90,6 +90,9 @@ FRAMES = (
     ),
 )
 """Source and frames of the poses."""
+
+_LONGEST_PERIOD_S = 10.0
+"""Time between two poses above which their stamps have jumped, s."""
 
 
 class TactileInputs:
@@ -115,13 +118,12 @@ class TactileInputs:
 
     def __init__(self, node: ManagedNode, on_pairs: Callable[[_Pairs], None]) -> None:
         self._node, self._on_pairs = node, on_pairs
-        self._lookup: PalmLookup | None = None
+        self._tf: TfPoses | None = None
         if node.parameters["pose_source"] == "tf":
             frames = node.parameters["reference_frame"], node.parameters["palm_frame"]
             if not frames[0]:
                 raise ParameterError("reference_frame: expected the target of the lookup in tf, got none")
-            failed = partial(self.reject, "palm_pose")
-            self._lookup = PalmLookup(*frames, node.parameters["patience_s"], self._add_pose, failed)
+            self._tf = TfPoses(*frames, self._add_pose)
         self._frame = self._palm_frame(())  # rejects an invalid pose before a scan is loaded
 
     def start(self, scene: Scene) -> None:
@@ -149,10 +151,10 @@ class TactileInputs:
         poses = QoSProfile(depth=_POSES_PER_STRAIN * depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         subscribe = partial(self._node.create_subscription, qos_overriding_options=overridden)
         self._strain = subscribe(StrainVectors, "strain", self._on_strain, strain)
-        if self._lookup is None:
+        if self._tf is None:
             self._poses = [subscribe(PoseStamped, "palm_pose", self._on_pose, poses)]
         else:
-            self._poses = self._lookup.subscribe(self._node)
+            self._poses = self._tf.subscribe(self._node)
 
     def take_waiting(self) -> None:
         """Process the strain that has arrived, and the poses that it waits for."""
@@ -212,6 +214,27 @@ class TactileInputs:
         wait_s = self._waits.largest
         return f"this node is behind by {wait_s:.1f} s" if wait_s > _BEHIND_S else ""
 
+    def absence(self, topic: str) -> str:
+        """Where no message of a topic arrives: its name in the graph, and the number of its publishers."""
+        of_tf = self._tf if topic == "palm_pose" else None
+        name = "/tf" if of_tf else self._node.resolve_topic_name(topic)
+        count = self._node.count_publishers(name)
+        text = f"no {topic} on {name} ({count} publisher{'s' * (count != 1)})"
+        return f"{text}: {of_tf.problem}" if of_tf and of_tf.problem else text
+
+    def sparsity(self, age_s: float) -> str:
+        """Description of poses that are too far apart to be interpolated; empty if they are not.
+
+        ``age_s`` is the time since the newest pose: poses that have stopped are absent.
+        """
+        if len(self._motion) < 2:
+            return ""
+        max_gap_s = self._node.parameters["max_gap_s"]
+        period_s = (self._motion[-1][0] - self._motion[-2][0]) / NANOSECONDS
+        if not max(max_gap_s, age_s / 2) < period_s < _LONGEST_PERIOD_S:
+            return ""
+        return f"palm_pose at {1 / period_s:.2g} Hz, max_gap_s {max_gap_s:g}"
+
     def position(self, message: PoseStamped) -> np.ndarray:
         """The palm's position on the scene's axes, (d,), m (yaw: rad).
 
@@ -259,8 +282,6 @@ class TactileInputs:
         self._take("strain", message, self.pairing.add_strain, self._reader.read)
         if self.newest_ns != newest_ns:
             self._delay_ns.append(self._node.now_ns - self.newest_ns)
-        if self._lookup is not None and (stamp_ns := to_ns(message.header.stamp)):
-            self._lookup.look_up(stamp_ns)
         # Of a faster topic the executor leaves messages behind, and strain would not find its poses.
         self._take_poses()
 
