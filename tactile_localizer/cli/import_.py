@@ -1,4 +1,4 @@
-"""``tactile-localizer import``: make a scan from CSV files or bags."""
+"""``tactile-localizer import``: make a scan from CSV files, bags or CAN logs."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
+from tactile_localizer.cli.can_logs import add_can_arguments, log_reader
 from tactile_localizer.cli.recordings import (
     add_bag_arguments,
     add_csv_arguments,
@@ -15,7 +16,7 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
-from tactile_localizer.errors import SceneError, printable
+from tactile_localizer.errors import ScanError, SceneError, printable
 from tactile_localizer.io.csv.columns import ColumnNaming, MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
@@ -32,7 +33,7 @@ _CELL_M = 0.002
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare ``import csv`` and ``import bag``."""
+    """Declare ``import csv``, ``import bag`` and ``import can``."""
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
     from_csv = kinds.add_parser("csv", help="one or more CSV files")
     text = "one sweep per file, unless a column has the sweep numbers"
@@ -41,7 +42,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from_bag = kinds.add_parser("bag", help="one or more bags: SQLite or MCAP, directory or file")
     from_bag.add_argument("files", nargs="+", metavar="BAG", help="directory, *.mcap or *.db3")
     add_bag_arguments(from_bag)
-    for kind, proposed in ((from_csv, " (default: a proposed one, written beside the scan)"), (from_bag, "")):
+    from_can = kinds.add_parser("can", help="one or more CAN logs: candump -l, .asc, .blf or .trc")
+    text = "one sweep per log; the positions are those of --poses"
+    from_can.add_argument("files", nargs="+", metavar="LOG", help=text)
+    add_can_arguments(from_can)
+    add_csv_arguments(from_can)
+    proposal = " (default: a proposed one, written beside the scan)"
+    for kind, proposed in ((from_csv, proposal), (from_bag, ""), (from_can, "")):
         add_gap_argument(kind)
         text = "detect sweeps in the motion; one_way: without the return strokes (default: as recorded)"
         kind.add_argument("--detect-sweeps", choices=("both_ways", "one_way"), help=text)
@@ -58,12 +65,18 @@ def run(args: argparse.Namespace) -> int:
     """Import, and print the numbers of sweeps and pairs, skipped samples and findings."""
     scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else None
     detail = {"files": args.files, "detect_sweeps": args.detect_sweeps}
-    if args.kind == "csv":
+    if args.kind == "can":
+        detail |= {"dbc": args.dbc}
+        if not args.poses:
+            raise ScanError("import can: expected --poses FILE with the palm positions beside the log")
+    if args.kind != "bag":
         naming = naming_from_arguments(args)
         detail |= {"columns": naming_to_dict(naming), "poses": args.poses}
         try:
             scene = scene or _proposed(args, naming)
-            recording = read_csv(args.files, scene, naming, poses=args.poses, max_gap_s=args.max_gap)
+            strain = log_reader(args, scene) if args.kind == "can" else None
+            options = {"poses": args.poses, "max_gap_s": args.max_gap, "strain": strain}
+            recording = read_csv(args.files, scene, naming, **options)
             if detector := _detector(args, scene):
                 recording = with_detected_sweeps(recording, detector)
         except MissingColumnError as error:

@@ -3,15 +3,19 @@
 import csv
 import re
 from dataclasses import replace
+from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 from support.bags import SCENE, moved, slide, write_bag
 from support.notes import counts
 
 from tactile_localizer.cli import main
+from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 HEADER = ["stamp_s", "sweep", "x", "y", *(f"{p}_{g}" for p in ("index", "middle") for g in range(1, 9))]
@@ -71,6 +75,69 @@ def test_a_csv_with_standard_columns_is_imported(folder, run):
     assert store.scene == SCENE
     (entry,) = store.history()
     assert (entry["what"], entry["files"]) == ("import csv", ["train.csv"])
+
+
+def write_can_log(path, dbc, messages=None):
+    """A log of a finger that slides over 50 mm in 5 s at 100 Hz, beside other frames, and its poses."""
+    hand = LoadCellProtocol(resource_path(f"config/{dbc}"), ["index"], messages)
+    noise = np.random.default_rng(0).uniform(-1, 1, (500, 8))
+    with can.Logger(path) as log:
+        for number in range(500):
+            for frame in hand.encode(0, noise[number], number, stamp_s=1_764_000_000 + 0.01 * number):
+                log.on_message_received(frame)
+            log.on_message_received(can.Message(timestamp=frame.timestamp, arbitration_id=0x700))
+    write_csv(
+        Path("poses.csv"), [[1_764_000_000 + 0.02 * n, 0.0002 * n] for n in range(251)], ["stamp_s", "x"]
+    )
+    return noise
+
+
+@pytest.mark.parametrize("suffix", ["log", "asc", "blf", "trc"])
+def test_a_can_log_is_imported_with_poses_of_a_file(folder, run, suffix):
+    noise = write_can_log(folder / f"sweep.{suffix}", "loadcells.dbc")
+    options = "--dbc loadcells.dbc --poses poses.csv --scene line.yaml"
+    status, printed, _ = run(f"can sweep.{suffix} {options} -o a_scan")
+    assert status == 0, printed
+    (sweep,) = ScanFolder("a_scan").recording().sweeps
+    assert len(sweep) >= 498
+    np.testing.assert_allclose(sweep.strain, noise[-len(sweep) :], atol=0.0002)
+    np.testing.assert_allclose(sweep.position[:, 0], 1e-4 * np.arange(500)[-len(sweep) :], atol=1e-6)
+    assert ScanFolder("a_scan").history()[0]["what"] == "import can"
+
+
+def test_a_can_log_is_read_with_the_parameters_of_the_driver(folder, run):
+    noise = write_can_log(folder / "sweep.log", "loadcells_fd.dbc", {"index": ["middle"]})
+    parameters = (
+        "/**:\n  ros__parameters:\n    messages: {index: [middle]}\n    gauge_signals: [gauge_2, gauge_1]\n"
+    )
+    (folder / "driver.yaml").write_text(parameters)
+    save_scene(replace(LINE, phalanges=(replace(LINE.phalanges[0], channels=2),)), folder / "line.yaml")
+    options = "--params-file driver.yaml --dbc loadcells_fd.dbc --poses poses.csv --scene line.yaml"
+    assert run(f"can sweep.log {options} -o a_scan")[0] == 0
+    strain = ScanFolder("a_scan").recording().sweeps[0].strain
+    np.testing.assert_allclose(strain, noise[-len(strain) :, [1, 0]], atol=0.0001)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (
+            "none.log --dbc loadcells.dbc --scene line.yaml --poses poses.csv",
+            "none.log: expected a log that python-can",
+        ),
+        ("sweep.log --dbc none.dbc --scene line.yaml --poses poses.csv", "none.dbc: expected a DBC file"),
+        ("sweep.log --dbc loadcells.dbc --scene line.yaml", "expected --poses FILE with the palm positions"),
+        ("sweep.log --dbc loadcells.dbc --scene scene.yaml --poses poses.csv", "poses.csv: expected"),
+        (
+            "sweep.log --dbc loadcells.dbc --scene line.yaml --poses poses.csv --params-file poses.csv",
+            "poses.csv: parameters: expected a mapping",
+        ),
+    ],
+)
+def test_can_logs_that_cannot_be_imported_are_refused(folder, run, arguments, reason):
+    write_can_log(folder / "sweep.log", "loadcells.dbc")
+    status, _, refusal = run(f"can {arguments} -o a_scan")
+    assert (status, reason in refusal) == (2, True), refusal
 
 
 def test_a_recording_given_twice_is_refused(folder, run):

@@ -9,7 +9,7 @@ their own, with stamps of their own. Invalid rows are skipped, counted and repor
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import cycle, pairwise
 from pathlib import Path
@@ -41,6 +41,7 @@ def read_csv(
     *,
     poses: Sequence[str | Path] = (),
     max_gap_s: float = DEFAULT_MAX_GAP_S,
+    strain: Callable[[Path], Table] | None = None,
 ) -> Recording:
     """Read one or several CSV files as one recording.
 
@@ -52,6 +53,7 @@ def read_csv(
     poses : files with the palm positions, one for all or one for each of ``paths``; their positions are
         interpolated at the stamps of the strain as the nodes do
     max_gap_s : longest time between two poses across which is interpolated, s
+    strain : reads the strain of ``paths`` if these are no CSV files; then there are ``poses``
 
     Returns
     -------
@@ -72,15 +74,24 @@ def read_csv(
     if len(poses) not in (0, 1, len(files)):
         raise ScanError(f"poses: expected 1 or {len(files)} files beside {len(files)}, got {len(poses)}")
     beside = cycle([Path(path) for path in poses] or [None])
-    return join([_read_file(path, scene, naming, pose, max_gap_s) for path, pose in zip(files, beside)])  # noqa: B905
+    pairs = zip(files, beside)  # noqa: B905
+    return join([_read_file(path, scene, naming, pose, max_gap_s, strain) for path, pose in pairs])
 
 
 def _read_file(
-    path: Path, scene: Scene, naming: ColumnNaming, pose_path: Path | None, max_gap_s: float
+    path: Path,
+    scene: Scene,
+    naming: ColumnNaming,
+    pose_path: Path | None,
+    max_gap_s: float,
+    strain: Callable[[Path], Table] | None,
 ) -> Recording:
     axes = {name: naming.of(name) for name in scene.axis_names}
     strains = {each.name: naming.of(each.name, each.channels) for each in scene.phalanges}
-    table = read_table(path, scene, naming, "stamp_s", {} if pose_path else axes, strains)
+    if strain is None:
+        table = read_table(path, scene, naming, "stamp_s", {} if pose_path else axes, strains)
+    else:
+        table = strain(path)
     stamp_ns, label, notes = table.stamp_ns, _sweep_numbers(path, table), table.notes
     begun = np.flatnonzero(np.diff(label, prepend=-1))
     if pose_path is None:
