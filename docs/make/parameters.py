@@ -19,7 +19,9 @@ Every parameter of the nodes, with default, range and unit, as `ros2 param descr
 prints it for a running node.
 
 Parameters marked *live* can be changed at any time. The others are read when the node is
-configured, and rejected while it is configured. A value of the wrong type or out of range is
+configured, and rejected while it is configured. Those marked *at the start* name files, devices or
+code, or are sent to hardware: they cannot be set in a running node unless
+`allow_remote_configuration` was given at its start. A value of the wrong type or out of range is
 rejected with the reason; an unknown name is ignored with a warning. On the command line an empty
 list of strings is `"['']"`, because `[]` has no type.
 
@@ -87,7 +89,7 @@ def section(heading: str, purpose: str, parameters: list[Parameter]) -> str:
     lines = [f"## {heading}", "", purpose, "", "| parameter | default | allowed | |", "|---|---|---|---|"]
     for parameter in parameters:
         essential = " **Essential.**" if parameter.name in ESSENTIAL else ""
-        live = " *Live.*" if parameter.live else ""
+        live = " *Live.*" if parameter.live else " *At the start.*" if parameter.at_start else ""
         unit = f" [{parameter.unit}]" if parameter.unit else ""
         text = f"{sentence(f'{parameter.description}{unit}')}{essential}{live}".replace("|", "\\|")
         lines.append(f"| `{parameter.name}` | {shown(parameter.default)} | {allowed(parameter)} | {text} |")

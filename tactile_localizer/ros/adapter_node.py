@@ -30,6 +30,7 @@ PARAMETERS = (
         "adapter_file",
         "wrench.yaml",
         "Message fields that are strain (YAML): path or shipped file name",
+        at_start=True,
     ),
     Parameter("frame_id", "palm", "Frame in the header of the strain vectors"),
 )

@@ -7,7 +7,7 @@ from tactile_localizer.ros.base.parameters import Parameter
 
 PARAMETERS = (
     Parameter("phalanges", ["index", "middle"], "Names of the load cells, in the order of the strain vector"),
-    Parameter("dbc", "loadcells.dbc", "CAN database (DBC): path or shipped file name"),
+    Parameter("dbc", "loadcells.dbc", "CAN database (DBC): path or shipped file name", at_start=True),
     Parameter(
         "gauge_signals",
         list(GAUGE_SIGNALS),
@@ -17,9 +17,11 @@ PARAMETERS = (
     Parameter("counter_signal", "counter", "DBC signal of the rolling counter, if the DBC has one"),
     Parameter("status_signal", "status", "DBC signal of the load cell status, if the DBC has one"),
     Parameter("status_ok", [0], "Values of the status without a fault"),
-    Parameter("interface", "socketcan", "python-can interface of the CAN bus"),
-    Parameter("channel", "can0", "Channel of the interface"),
-    Parameter("bus_options", [], "Options of the interface, each as name=value, such as ['fd=true']"),
+    Parameter("interface", "socketcan", "python-can interface of the CAN bus", at_start=True),
+    Parameter("channel", "can0", "Channel of the interface", at_start=True),
+    Parameter(
+        "bus_options", [], "Options of the interface, each as name=value, such as ['fd=true']", at_start=True
+    ),
     Parameter(
         "receive_buffer", 1 << 20, "Receive buffer of the kernel; 0 for its default", "byte", 0, 1 << 28
     ),
@@ -28,9 +30,17 @@ PARAMETERS = (
         [],
         "Frames that start the load cells, each as candump prints it, such as ['064#0B']; "
         "sent when the bus opens and while a load cell is silent",
+        at_start=True,
     ),
-    Parameter("stop_frames", [], "Frames that stop the load cells, sent when the node is deactivated"),
-    Parameter("sync_frame", "", "Frame that synchronizes or polls the load cells, such as '080#' or '181#R'"),
+    Parameter(
+        "stop_frames", [], "Frames that stop the load cells, sent when the node is deactivated", at_start=True
+    ),
+    Parameter(
+        "sync_frame",
+        "",
+        "Frame that synchronizes or polls the load cells, such as '080#' or '181#R'",
+        at_start=True,
+    ),
     Parameter("sync_period_s", 0.01, "Period at which sync_frame is sent", "s", 0.0005, 10.0),
     Parameter(
         "period_s",
@@ -70,6 +80,7 @@ PARAMETERS = (
         "tare_file",
         "",
         "File that stores the tare; if empty, tactile_localizer/NAMESPACE/tare.yaml in ROS_HOME or ~/.ros",
+        at_start=True,
     ),
     Parameter("frame_id", "palm", "Frame in the header of the strain vectors"),
 )

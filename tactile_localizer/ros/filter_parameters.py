@@ -44,23 +44,27 @@ def _parameter(name: str) -> Parameter:
         _UNITS.get(name, ""),
         FILTERS if name == "filter" else (),
     )
-    return Parameter(name, default, _DESCRIPTIONS[name], unit, lower, upper, choices, name in LIVE)
+    return Parameter(
+        name, default, _DESCRIPTIONS[name], unit, lower, upper, choices, name in LIVE, name == "model"
+    )
 
 
 CONFIGURATION = tuple(map(_parameter, _DESCRIPTIONS))
 """One parameter per field of :class:`~tactile_localizer.core.configuration.Configuration`."""
 
 PARAMETERS = (
-    Parameter("scan_file", "", "Scan (folder) that is the map"),
+    Parameter("scan_file", "", "Scan (folder) that is the map", at_start=True),
     Parameter(
         "scene_file",
         "",
         "Scene (YAML) in place of the one of the scan: path or shipped file name",
+        at_start=True,
     ),
     Parameter(
         "scan_directory",
         "",
         "Directory of the scans that ~/load_scan may read; if empty, none",
+        at_start=True,
     ),
     *CONFIGURATION,
     Parameter("seed", 0, "Seed of the particle filter", "", 0, 2**31 - 1),

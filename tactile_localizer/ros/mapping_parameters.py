@@ -8,8 +8,8 @@ from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, SYNCHRONIZATION
 
 PARAMETERS = (
-    Parameter("scan_file", "", "Scan (folder) to record to; an existing one is continued"),
-    Parameter("scene_file", "", "Scene (YAML) of the recording: path or shipped file name"),
+    Parameter("scan_file", "", "Scan (folder) to record to; an existing one is continued", at_start=True),
+    Parameter("scene_file", "", "Scene (YAML) of the recording: path or shipped file name", at_start=True),
     *SYNCHRONIZATION,
     Parameter(
         "sweep_detection",

@@ -9,7 +9,7 @@ from tactile_localizer.resources import resource_path
 NAMESPACE = "/guarded"
 """Of this test alone: nodes of other tests, of the same names, are not taken for these."""
 
-NODES = ("driver", "mapping", "filter", "simulator")
+NODES = ("adapter", "driver", "mapping", "filter", "simulator")
 
 
 def allowed(enclave):

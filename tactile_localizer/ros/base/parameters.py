@@ -35,6 +35,8 @@ class Parameter:
     lower, upper : inclusive range of an int or a float, from which rclpy also excludes NaN; both or none
     choices : allowed strings, or entries of a list of strings; empty for any
     live : whether it can be changed while the node is configured; other parameters are read on configuration
+    at_start : whether it can only be given at the start, unless :data:`REMOTE` is, too: it names a file, a
+        device or code, or is sent to hardware, and any participant of the ROS domain can set parameters
     """
 
     name: str
@@ -45,13 +47,16 @@ class Parameter:
     upper: float | None = None
     choices: Sequence[str] = ()
     live: bool = False
+    at_start: bool = False
 
     def descriptor(self) -> ParameterDescriptor:
         """The descriptor, shown by ``ros2 param describe``."""
         text = f"{self.description} [{self.unit}]" if self.unit else self.description
-        descriptor = ParameterDescriptor(name=self.name, description=text)
-        if self.choices:
-            descriptor.additional_constraints = f"one of {', '.join(self.choices)}"
+        constraints = [f"one of {', '.join(self.choices)}"] if self.choices else []
+        constraints += ["given at the start"] if self.at_start else []
+        descriptor = ParameterDescriptor(
+            name=self.name, description=text, additional_constraints=", ".join(constraints)
+        )
         if self.lower is not None and self.upper is not None:
             if isinstance(self.default, float):
                 ends = {"from_value": float(self.lower), "to_value": float(self.upper)}
@@ -60,6 +65,14 @@ class Parameter:
                 ends = {"from_value": int(self.lower), "to_value": int(self.upper)}
                 descriptor.integer_range = [IntegerRange(**ends)]
         return descriptor
+
+
+REMOTE = Parameter(
+    "allow_remote_configuration",
+    False,
+    "Let every participant of the ROS domain set the parameters that are otherwise given at the start",
+    at_start=True,
+)
 
 
 class Parameters:
@@ -80,9 +93,10 @@ class Parameters:
     def __init__(self, node: Node, declared: Iterable[Parameter], configured: Callable[[], bool]) -> None:
         self._node = node
         self._declared: dict[str, Parameter] = {}
-        self._configured = configured
+        self._configured, self._has_started = configured, False
         node.add_on_set_parameters_callback(self._check)
-        self.declare(declared)
+        self.declare((REMOTE, *declared))
+        self._has_started = True
 
     def declare(self, declared: Iterable[Parameter]) -> None:
         """Declare more parameters, such as a group per phalanx; skip those already declared.
@@ -148,7 +162,13 @@ class Parameters:
                 if parameter.choices and entry not in parameter.choices:
                     reason = f"{change.name}: expected one of {', '.join(parameter.choices)}, got {entry!r}"
                     return SetParametersResult(successful=False, reason=reason)
-            if self._configured() and not parameter.live and self._is_change(change):
+            if not self._is_change(change):
+                continue
+            is_remote = self._has_started and (parameter is REMOTE or not self[REMOTE.name])
+            if is_remote and parameter.at_start:
+                reason = f"{change.name}: expected it at the start of the node, or {REMOTE.name} there"
+                return SetParametersResult(successful=False, reason=reason)
+            if self._configured() and not parameter.live:
                 reason = f"{change.name}: expected an unconfigured node, cannot be changed while configured"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)

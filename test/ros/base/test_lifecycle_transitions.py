@@ -49,7 +49,8 @@ def make(request, valid):
     """Function that constructs the node, with valid parameters, in place of the last one."""
     import rclpy
 
-    rclpy.init(args=node_command(f"{request.param}_node", valid[request.param])[1:])
+    given = {**valid[request.param], "allow_remote_configuration": True}
+    rclpy.init(args=node_command(f"{request.param}_node", given)[1:])
     module = importlib.import_module(f"tactile_localizer.ros.{request.param}_node")
     made = []
 

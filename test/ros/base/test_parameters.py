@@ -8,7 +8,10 @@ import pytest
 pytestmark = pytest.mark.ros
 
 
-@pytest.mark.parametrize("node", ["adapter", "driver", "filter", "mapping", "simulator"])
+by_node = pytest.mark.parametrize("node", ["adapter", "driver", "filter", "mapping", "simulator"])
+
+
+@by_node
 def test_all_parameters_have_values_and_descriptions(
     node_process: Callable[..., Any], probe: Any, node: str
 ) -> None:
@@ -29,6 +32,30 @@ def test_all_parameters_have_values_and_descriptions(
         assert bool(one.integer_range) == (one.type == ParameterType.PARAMETER_INTEGER), one.name
         assert bool(one.floating_point_range) == (one.type == ParameterType.PARAMETER_DOUBLE), one.name
         assert one.description.endswith(" [s]") == one.name.endswith("_s"), one.name
+
+
+@by_node
+@pytest.mark.parametrize("allowed", [False, True])
+def test_files_devices_and_code_are_given_at_the_start(
+    node_process: Callable[..., Any], probe: Any, node: str, allowed: bool
+) -> None:
+    """Any participant of the domain can set parameters."""
+    from rcl_interfaces.srv import DescribeParameters, ListParameters
+
+    node_process(f"{node}_node", {"autostart": False, "allow_remote_configuration": allowed})
+    name = f"tactile_{node}"
+    names = probe.call(ListParameters, f"{name}/list_parameters").result.names
+    request = DescribeParameters.Request(names=names)
+    descriptors = probe.call(DescribeParameters, f"{name}/describe_parameters", request).descriptors
+    at_start = {one.name for one in descriptors if "given at the start" in one.additional_constraints}
+    named = {one for one in names if one.endswith(("_file", "_directory", "_frames"))}
+    named |= {"dbc", "interface", "channel", "bus_options", "model", "sync_frame"} & {*names}
+    assert at_start == named | {"allow_remote_configuration"}
+    for one in named:
+        answer = probe.set_parameter(name, one, ["a=b"] if one.endswith("s") else "os:system")
+        assert answer.successful == allowed, answer.reason
+        assert allowed or answer.reason.startswith(f"{one}: expected it at the start of the node")
+    assert not probe.set_parameter(name, "allow_remote_configuration", not allowed).successful
 
 
 def test_an_unknown_parameter_is_reported_with_a_near_match(
