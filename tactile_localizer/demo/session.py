@@ -29,6 +29,7 @@ from std_srvs.srv import Empty, Trigger
 from tactile_localizer.demo.nodes import Nodes, own_domain
 from tactile_localizer.errors import LiveError
 from tactile_localizer.io.bags.reader import typestore
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.msg import Posterior, ScanStatus, StrainVectors
 from tactile_localizer.resources import resource_path
 from tactile_localizer.ros.conversions import to_ns
@@ -169,31 +170,22 @@ class Operator:
         if not getattr(response, "success", True):
             raise LiveError(f"service {service}: {response.message}")
 
-    def sweep(self, topic: str, kind: Any, begin: str) -> Any:
+    def sweep(self, kind: Any, begin: str) -> None:
         """Run one sweep of the simulated hand, after a service call that announces it to a node.
 
-        Before and after it a node that lags catches up: other motion would be part of its sweep. Afterwards
-        the recording does: while the hand is late, there are more poses than strain.
+        Afterwards the recording catches up: while the hand is late, there are more poses than strain.
 
         Parameters
         ----------
-        topic : topic of the node whose stamps are those of the strain that it has received
         kind, begin : type and name of the service
-
-        Returns
-        -------
-        Message
-            The first of the topic after the sweep.
         """
         self.call(Trigger, "tactile_simulator/prepare")
-        self.present(topic)
         self.call(kind, begin)
         self.newest["/tactile_simulator/sweep_active"] = Bool(data=True)
         self.call(Trigger, "tactile_simulator/sweep")
         self.until(lambda: not self.newest["/tactile_simulator/sweep_active"].data, "the end of a sweep")
         for recorded in ("/palm_pose", "/tactile_simulator/ground_truth"):
             self.present(recorded)
-        return self.present(topic)
 
     def present(self, topic: str) -> Any:
         """The first message stamped with strain that is measured from now on."""
@@ -259,25 +251,39 @@ def record_session(
         late = {"period_s": 1.0, "max_age_s": 60.0}  # frames of a busy machine are late, none is lost
         sent = {_RELIABLE.format("publisher"): "reliable", "qos_overrides./strain.publisher.depth": _DEPTH}
         nodes.start("driver", {**bus, **late, **sent, "tare_file": logs / "tare.yaml"})
-        received = {_RELIABLE.format("subscription"): "reliable", "queue_depth": _DEPTH, "scan_file": scan}
+        received = {_RELIABLE.format("subscription"): "reliable", "queue_depth": _DEPTH, "patience_s": 60.0}
+        received["scan_file"] = scan
         nodes.start("mapping", {**received, "scene_file": resource_path(f"config/scenes/{feature}.yaml")})
         operator.until(lambda: operator.newest["/strain"].strain, "strain")
         operator.until(lambda: int(operator.values("tactile_mapping: scan")["poses"]), "poses in the mapping")
         say(f"scanning: {SCAN_SWEEPS} sweeps, two along each line")
         for _ in range(SCAN_SWEEPS):
-            operator.sweep("/tactile_mapping/status", Trigger, "tactile_mapping/start_sweep")
+            operator.sweep(Trigger, "tactile_mapping/start_sweep")
             operator.call(Trigger, "tactile_mapping/end_sweep")
+        require_sweeps(scan, SCAN_SWEEPS)
         say("loading the scan")
         nodes.start("filter", received)
         operator.present("/tactile_filter/posterior")
         operator.call(SetParameters, "tactile_simulator/set_parameters", _request(mode="localize"))
         for number in range(1, sweeps + 1):
-            posterior = operator.sweep(
-                "/tactile_filter/posterior", Empty, "tactile_filter/reinitialize_global_localization"
-            )
-            say(f"sweep {number:2}: {posterior.reason}")
+            operator.sweep(Empty, "tactile_filter/reinitialize_global_localization")
+            say(f"sweep {number:2}: {operator.present('/tactile_filter/posterior').reason}")
         drops = (int(operator.values(f"tactile_driver: {name}")["drops"]) for name in ("index", "middle"))
         return sum(drops) + operator.lost
+
+
+def require_sweeps(scan: Path, count: int) -> None:
+    """Require that a scan has a number of sweeps with pairs, and nothing that cannot be used.
+
+    Raises
+    ------
+    LiveError
+        It has others.
+    """
+    found = ScanFolder(scan).recording()
+    if len(found.sweeps) != count or found.notes:
+        details = "; ".join([str(len(found.sweeps)), *found.notes])
+        raise LiveError(f"{scan}: expected {count} sweeps, found {details}")
 
 
 def _request(**values: Any) -> SetParameters.Request:

@@ -118,20 +118,25 @@ class MappingNode(ManagedNode):
 
     def _record(self, pairs: list[Pair[StrainSample]]) -> None:
         self._try_to_write(self._recorder.take, pairs)
+        self._answer_endings()
 
     def _commit(self) -> None:
         self._try_to_write(self._recorder.settle, self._inputs.pairing.settled_ns)
-        for ending in self._ending[:]:
-            if time.monotonic() > ending.deadline_s and not self._recorder.is_complete(ending.sweep):
-                self._inputs.take_waiting()
-                self._record(self._inputs.pairing.finish(ending.until_ns))
-                self._try_to_write(self._recorder.settle, math.inf)
-            if self._recorder.is_complete(ending.sweep):
-                self._ending.remove(ending)
-                ending.written.set_result(self._inputs.newest_ns)
+        self._answer_endings()
+        for ending in [each for each in self._ending if time.monotonic() > each.deadline_s]:
+            self._inputs.take_waiting()
+            self._try_to_write(self._recorder.take, self._inputs.pairing.finish(ending.until_ns))
+            self._try_to_write(self._recorder.settle, math.inf)
+            self._answer_endings(max(ending.until_ns - self._inputs.newest_ns, 0) / NANOSECONDS)
         previous, self._last_sweep = self._last_sweep, self._recorder.incomplete
         if previous is not None and previous != self._last_sweep:
             self._refresh_map()
+
+    def _answer_endings(self, missing_s: float = 0.0) -> None:
+        """Answer the requests for the end of sweeps that are complete, but for their last ``missing_s``."""
+        for ending in [each for each in self._ending if self._recorder.is_complete(each.sweep)]:
+            self._ending.remove(ending)
+            ending.written.set_result(missing_s)
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Start a sweep with the strain measured from now on, unless the last messages were invalid."""
@@ -155,7 +160,7 @@ class MappingNode(ManagedNode):
         written.add_done_callback(lambda done: None)  # wakes the executor
         deadline_s = time.monotonic() + self.parameters["patience_s"] + 2 * _COMMIT_PERIOD_S
         self._ending.append(Ending(sweep, until_ns, deadline_s, written))
-        missing_s = (until_ns - await written) / NANOSECONDS
+        missing_s = await written
         self._require_written()
         losses = {
             "without a pose": sweep.gaps,
@@ -165,7 +170,7 @@ class MappingNode(ManagedNode):
             [
                 f"sweep {sweep.number} ended: {sweep.pairs or 'no'} pairs",
                 *(f"{count} samples {what}" for what, count in losses.items() if count),
-                *([f"no strain for its last {missing_s:.1f} s"] if missing_s > 0.0 else []),
+                *([f"no strain for its last {missing_s:.1f} s"] if missing_s else []),
             ]
         )
         response.success = sweep.pairs > 0

@@ -6,11 +6,15 @@ import signal
 import threading
 import time
 
+import numpy as np
 import pytest
 from support.waiting import children, has_ended, wait_until
 
+from tactile_localizer.errors import LiveError
 from tactile_localizer.io.bags.reader import Wanted, read_messages
 from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scans.writer import ScanWriter
+from tactile_localizer.scene import Axis, Phalanx, Scene
 
 pytestmark = pytest.mark.ros
 
@@ -106,16 +110,29 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     logs = {log.stem: log.read_text() for log in (folder / "log").glob("*.log")}
     assert logs.keys() == {"simulator", "driver", "mapping", "filter"}
     assert not any("Traceback" in text for text in logs.values())
-    wanted = {
-        "/tactile_filter/posterior": Wanted(
-            "tactile_localizer/msg/Posterior", lambda m, _: m.covariance_trace
-        )
-    }
-    bag = read_messages(folder / "bag", wanted)
+    posteriors = Wanted(("tactile_localizer/msg/Posterior",), lambda m, _: m.covariance_trace)
+    bag = read_messages(folder / "bag", {"/tactile_filter/posterior": posteriors})
     assert {"/strain", "/palm_pose", "/tactile_simulator/ground_truth", "/tactile_mapping/status"} <= set(
         bag.topics
     )
-    assert max(bag.by_topic["/tactile_filter/posterior"]) > 1e-4, "initially uniform"
+    assert max(each.value for each in bag.received) > 1e-4, "initially uniform"
+
+
+def test_a_scan_with_an_empty_sweep_is_no_success(tmp_path):
+    from tactile_localizer.demo.session import require_sweeps
+
+    scene = Scene("line", (Axis("x", 0.0, 1.0),), (Phalanx("index", (0.0,)),))
+    with ScanWriter(tmp_path / "scan", scene) as writer:
+        for number in (1, 2):
+            sweep = writer.begin_sweep()
+            sweep.append(np.arange(5), np.full((5, 1), 0.5), np.full((5, 8), float(number)))
+            sweep.end()
+        require_sweeps(tmp_path / "scan", 2)
+        with pytest.raises(LiveError, match="scan: expected 3 sweeps, found 2"):
+            require_sweeps(tmp_path / "scan", 3)
+        writer.begin_sweep().end()
+    with pytest.raises(LiveError, match=r"expected 2 sweeps, found 2; .*sweep 3 has no pairs"):
+        require_sweeps(tmp_path / "scan", 2)
 
 
 def test_an_output_that_cannot_be_replaced_is_refused(tmp_path, capsys):

@@ -165,15 +165,14 @@ class TactileInputs:
         self._take_poses()
 
     def present_ns(self) -> int:
-        """Time in the clock of the strain, ns, after processing what has arrived; 0 before any strain.
+        """Time in the clock of the strain, ns; 0 before any strain.
 
         It is the time of the node, if strain arrives within ``patience_s`` of its stamps; otherwise, as where
-        a sensor counts from its own start, it is the newest stamp.
+        a sensor counts from its own start, it is the newest stamp that has arrived.
         """
-        self.take_waiting()
         least_ns = min(self._delay_ns, default=None)
-        patience_ns = self._node.parameters["patience_s"] * NANOSECONDS
-        if least_ns is None or abs(least_ns) > patience_ns:
+        if least_ns is None or abs(least_ns) > self._node.parameters["patience_s"] * NANOSECONDS:
+            self.take_waiting()
             return self.newest_ns
         return max(self.newest_ns, self._node.now_ns - min(least_ns, 0))
 
