@@ -56,16 +56,18 @@ class BagMessages:
     received : of the wanted topics
     topics : message type by topic, of all topics in the bag
     invalid : number of messages that cannot be decoded or converted, and the first reason, by topic
+    incomplete : a line for each file that is not whole
     """
 
     received: list[Received] = field(default_factory=list)
     topics: dict[str, str] = field(default_factory=dict)
     invalid: dict[str, list[Any]] = field(default_factory=dict)
+    incomplete: list[str] = field(default_factory=list)
 
     def notes(self) -> list[str]:
-        """One line per topic with invalid messages."""
+        """One line per file that is not whole, and per topic with invalid messages."""
         valid = Counter(each.topic for each in self.received)
-        return [
+        return self.incomplete + [
             f"skipped {count} of {count + valid[topic]} messages of {topic}: {reason}"
             for topic, (count, reason) in self.invalid.items()
         ]
@@ -98,7 +100,7 @@ def read_messages(
     try:
         if not (path.is_dir() or path.is_file()):
             raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a folder of them), found none")
-        topics, messages = read_storage(path, lambda name: absolute(name) in wanted)
+        topics, messages, found.incomplete = read_storage(path, lambda name: absolute(name) in wanted)
         found.topics = {absolute(topic.name): topic.kind for topic in topics}
     except ScanError:
         raise

@@ -11,6 +11,7 @@ import sqlite3
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
+from itertools import chain
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO, NamedTuple
@@ -53,8 +54,14 @@ class Message(NamedTuple):
     raw: bytes
 
 
-Contents = tuple[list[Topic], list[Message]]
-"""All topics of a bag, and the messages of the wanted ones."""
+class Contents(NamedTuple):
+    """All topics of a bag, messages of the wanted ones, and a line for each file that is not whole."""
+
+    topics: list[Topic]
+    messages: list[Message]
+    notes: list[str]
+
+
 IsWanted = Callable[[str], bool]
 
 
@@ -71,14 +78,10 @@ def read_storage(path: Path, is_wanted: IsWanted) -> Contents:
         The bag is damaged or incomplete; the libraries raise many types.
     """
     files, promised = _files(path) if path.is_dir() else ([path], {})
-    topics: list[Topic] = []
-    messages: list[Message] = []
-    for file in files:
-        found = _read_file(file, is_wanted)
-        topics += found[0]
-        messages += found[1]
+    read = [_read_file(file, is_wanted) for file in files]
+    topics, messages, notes = (list(chain.from_iterable(each)) for each in zip(*read, strict=True))
     _require_all(promised, messages, is_wanted)
-    return topics, _in_order(messages)
+    return Contents(topics, _in_order(messages), notes)
 
 
 def _files(folder: Path) -> tuple[list[Path], dict[str, int]]:
@@ -126,8 +129,8 @@ def _read_file(path: Path, is_wanted: IsWanted) -> Contents:
             return _read_mcap(file, is_wanted)
     if path.suffix != ".db3":
         raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a folder of them), found another file")
-    with _recovered(path) as whole:
-        return _read_sqlite(whole, is_wanted)
+    with _recovered(path) as (whole, notes):
+        return _read_sqlite(whole, is_wanted)._replace(notes=notes)
 
 
 def _unpacked(packed: BinaryIO, path: Path) -> Path:
@@ -170,7 +173,7 @@ def _read_mcap(file: BinaryIO, is_wanted: IsWanted) -> Contents:
         if is_wanted(channel.topic)
     ]
     _require_all(promised, messages, is_wanted)
-    return list(topics.values()), messages
+    return Contents(list(topics.values()), messages, [])
 
 
 def _read_sqlite(path: Path, is_wanted: IsWanted) -> Contents:
@@ -186,27 +189,27 @@ def _read_sqlite(path: Path, is_wanted: IsWanted) -> Contents:
         rows = query(f"SELECT topic_id, timestamp, data FROM messages {where} ORDER BY id", wanted)
         messages = [Message(topics[number], received_ns, raw) for number, received_ns, raw in rows]
         # A damaged page hides rows of the table or of its index, but not of both.
-        stored, indexed = (
-            query(f"SELECT count(*) FROM messages {how}").fetchone()[0] for how in ("NOT INDEXED", "")
-        )
+        known = "NOT INDEXED WHERE topic_id IN (SELECT id FROM topics)"
+        (stored,) = query(f"SELECT count(*) FROM messages {known}").fetchone()
+        (indexed,) = query("SELECT count(*) FROM messages").fetchone()
         if stored != indexed:
             raise ValueError(f"{indexed} messages were recorded, found {stored}")
-    return list(topics.values()), messages
+    return Contents(list(topics.values()), messages, [])
 
 
 @contextmanager
-def _recovered(path: Path) -> Iterator[Path]:
-    """The database, or a copy with what a killed recorder left in a log or a journal beside it.
+def _recovered(path: Path) -> Iterator[tuple[Path, list[str]]]:
+    """The database, or a copy with what a killed recorder left in a log or a journal beside it; and notes.
 
     Raises
     ------
     ValueError
-        The log has more transactions than can be read.
+        The log has transactions that cannot be read.
     """
     log = Path(f"{path}-wal")
     left = [each for each in (log, Path(f"{path}-journal")) if each.is_file() and each.stat().st_size]
     if not left:
-        yield path
+        yield path, []
         return
     with TemporaryDirectory() as folder:
         for each in (path, *left):
@@ -215,14 +218,25 @@ def _recovered(path: Path) -> Iterator[Path]:
         with closing(sqlite3.connect(copy)) as database:
             (page_bytes,) = database.execute("PRAGMA page_size").fetchone()
             _, recovered, _ = database.execute("PRAGMA wal_checkpoint").fetchone()
-        content = log.read_bytes() if log in left else b""
-        pages = range(_LOG_HEADER_BYTES, len(content) - page_bytes, _PAGE_HEADER_BYTES + page_bytes)
-        # A page with a number ends a transaction; one with another salt is older than the log.
-        ends = [
-            number
-            for number, at in enumerate(pages, 1)
-            if any(content[at + 4 : at + 8]) and content[at + 8 : at + 16] == content[16:24]
-        ]
-        if max(recovered, 0) < max([*ends, min(len(pages), 1)]):
-            raise ValueError(f"{log.name} is damaged: {recovered} of {len(pages)} pages can be read")
-        yield copy
+        yield copy, _log_notes(log, page_bytes, max(recovered, 0)) if log in left else []
+
+
+def _log_notes(log: Path, page_bytes: int, recovered: int) -> list[str]:
+    """A line about a log that ends within a transaction, as that of a recorder that was killed can.
+
+    Raises
+    ------
+    ValueError
+        A later transaction than the ``recovered`` pages is whole.
+    """
+    content, step = log.read_bytes(), _PAGE_HEADER_BYTES + page_bytes
+    starts = range(_LOG_HEADER_BYTES, len(content) - page_bytes, step)
+    headers = [content[at : at + _PAGE_HEADER_BYTES] for at in starts]
+    # Pages with another salt are older than the log; one with a number ends a transaction.
+    pages = [number for number, header in enumerate(headers, 1) if header[8:16] == content[16:24]]
+    ends = [number for number in pages if any(headers[number - 1][4:8])]
+    if recovered < max([*ends, min(len(headers), 1)]):
+        raise ValueError(f"{log.name} is damaged: {recovered} of {len(headers)} pages can be read")
+    if recovered < max(pages, default=0) or (len(content) - _LOG_HEADER_BYTES) % step:
+        return [f"{log.name} ends within a transaction: the last messages are missing"]
+    return []

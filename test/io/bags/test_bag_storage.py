@@ -184,10 +184,19 @@ def test_a_damaged_log_is_named(tmp_path, place):
         read_bag(path, SCENE)
 
 
-def test_a_transaction_that_was_not_committed_is_no_damage(tmp_path):
+def test_a_log_that_ends_within_a_transaction_is_noted(tmp_path):
     path = crashed(tmp_path)
     log = Path(f"{path}-wal")
-    log.write_bytes(log.read_bytes() + bytes(3000))
+    log.write_bytes(log.read_bytes()[:-3000])
+    recording = read_bag(path, SCENE)
+    assert 100 < len(recording) < len(STRAIN_MS)
+    assert recording.notes == ("live.db3-wal ends within a transaction: the last messages are missing",)
+
+
+def test_older_pages_behind_a_log_are_no_damage(tmp_path):
+    path = crashed(tmp_path)
+    log = Path(f"{path}-wal")
+    log.write_bytes(log.read_bytes() + 2 * bytes(24 + 4096))
     assert_whole(path)
 
 
