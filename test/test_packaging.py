@@ -28,7 +28,7 @@ ROSDEP_KEYS = {
     "scipy": "python3-scipy",
 }
 
-EXTRAS = ("argcomplete", "jinja2", "joblib", "matplotlib", "msgpack", "rosbags")
+EXTRAS = ("argcomplete", "jinja2", "joblib", "matplotlib", "mcap", "msgpack", "rosbags")
 
 ROS_PACKAGE = r"\w+_(msgs|srvs|interfaces)|rclpy|launch|launch_ros|ament_index_python|tf2_\w+"
 
@@ -200,6 +200,7 @@ def test_the_help_of_a_command_needs_no_extra(command: str, tmp_path: Path) -> N
     ("library", "command"),
     [
         ("rosbags", "import bag . --scene bump.yaml -o scan"),
+        ("mcap", "import bag . --scene bump.yaml -o scan"),
         ("joblib", "tradeoff a.csv --scan scan --jobs 2"),
         ("matplotlib", "replay a.csv --scan scan --plot b.png"),
         ("jinja2", "replay a.csv --scan scan --report b.html"),

@@ -40,7 +40,7 @@ values to set for a new hand and material; everything else has a default or is l
 _NEEDED = {
     **{
         name: f"pip install {name}, or this package as '.[offline]'"
-        for name in ("argcomplete", "jinja2", "joblib", "matplotlib", "rosbags")
+        for name in ("argcomplete", "jinja2", "joblib", "matplotlib", "mcap", "rosbags", "zstandard")
     },
     "distributed": "pip install 'dask[distributed]', or this package as '.[cluster]'",
     "rclpy": "source ROS 2; `make demo` makes an environment that has it",

@@ -17,6 +17,12 @@ def there_and_back(stamp_ms):
     return 0.035 + 0.02 * np.cos(2 * np.pi * stamp_ms / 1600.0) + 1e-5 * np.sin(stamp_ms)
 
 
+def serialized(message):
+    from rclpy.serialization import serialize_message
+
+    return serialize_message(message)
+
+
 def contents(path):
     store, found = ScanFolder(path), ScanFolder(path).recording()
     sweeps = [(s.number, len(s), *s.stamp_ns[[0, -1]].tolist(), s.gaps, s.skipped) for s in found.sweeps]
@@ -90,3 +96,35 @@ def test_detected_sweeps_of_a_bag_equal_the_live_ones(node_process, probe, files
         arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", output, *options]
         assert main([str(argument) for argument in arguments]) == 0
         assert_same_scan(live, contents(output))
+
+
+@pytest.mark.parametrize("detection", ["off", "both_ways"])
+def test_an_imported_bag_whose_clock_was_set_back_equals_the_live_scan(
+    node_process, probe, files, tmp_path, detection
+):
+    parameters = {**files, **DEEP_QUEUE, "sweep_detection": detection}
+    process = node_process("mapping_node", parameters=parameters)
+    hand = Hand(probe)
+    hand.x = there_and_back
+    hand.now_ms = 9000
+    happened = []
+    for begin_ms in (9000, 3000, 100):
+        hand.now_ms, first = begin_ms, len(hand.published)
+        hand.slide(200)
+        hand.wait_for_stamp(hand.now_ms)
+        if detection == "off" and begin_ms == 9000:
+            assert hand.service("start_sweep").success
+        hand.slide(1000)
+        hand.wait_for_stamp(hand.now_ms)
+        happened += hand.published[first:]
+        happened += [("tactile_mapping/status", 0, serialized(each)) for each in hand.statuses]
+        hand.statuses.clear()
+    assert process.stop() == 0
+    live = contents(files["scan_file"])
+    assert len(live[1]) >= 3
+    ordered = [(topic, at, raw) for at, (topic, _, raw) in enumerate(happened)]
+    bag = write_bag(tmp_path / "bag", ordered)
+    arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", tmp_path / "imported_scan"]
+    arguments += ["--detect-sweeps", detection] if detection != "off" else []
+    assert main([str(argument) for argument in arguments]) == 0
+    assert_same_scan(live, contents(tmp_path / "imported_scan"))

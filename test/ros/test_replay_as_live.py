@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,21 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 from support.bags import START, pose, strain, write_bag
-from support.sweeps import stamp_of, unseen_sweep
+from support.sweeps import CALIBRATION, scene_of, stamp_of, unseen_sweep
 
 from tactile_localizer.cli import main
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.core.hypotheses.convergence import State
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.scan.range import ScanRange
+from tactile_localizer.io.bags.recording import read_bag
+from tactile_localizer.io.bags.sweeps import stamp_of as bag_stamp_of
+from tactile_localizer.io.strain_vectors import StrainReader
+from tactile_localizer.offline.replay import replay
+from tactile_localizer.ros.online_localizer import OnlineLocalizer
+from tactile_localizer.sim import simulate_scan
 
 pytestmark = pytest.mark.ros
 
@@ -105,3 +117,43 @@ def test_replay_equals_the_live_filter(
     assert [m.state for m in received] == states
     assert [m.reason for m in received] == [u["reason"] for u in updates]
     assert [m.converged for m in received] == [u["converged"] for u in updates]
+
+
+def test_a_clock_that_is_set_back_resets_the_belief_in_a_replay_as_live(tmp_path: Path) -> None:
+    sweep, scan, scene = unseen_sweep(rate=50.0), simulate_scan("bump", 1), scene_of()
+    first = [
+        ("strain", 20 * k, strain(9000 + 20 * k, ("index", "middle"), strain=sweep.strain[k]))
+        for k in range(200)
+    ]
+    poses = [("palm_pose", 20 * k + 5, pose(9000 + 20 * k, x=sweep.position[k, 0])) for k in range(200)]
+    second = [(topic, 4000 + at, earlier(message, 5000)) for topic, at, message in first + poses]
+    happened = sorted([*first, *poses, *second], key=lambda one: one[1])
+    recording = read_bag(write_bag(tmp_path / "bag", happened), scene, by_status=False)
+
+    def localizer() -> Localizer:
+        quick, rng = Configuration(cell=1.0), np.random.default_rng(7)
+        return build_localizer(scan, scene, quick, rng, calibration=CALIBRATION)
+
+    online, pairing = OnlineLocalizer(localizer(), 0.1, ScanRange.of(scan, scene)), Pairing(scene.axes)
+    reader, live = StrainReader(scene), []
+    for topic, _, message in happened:
+        if topic == "strain":
+            pairs = pairing.add_strain(bag_stamp_of(message), reader.read(message))
+        else:
+            place = message.pose.position
+            pairs = pairing.add_pose(bag_stamp_of(message), np.array([place.x, place.y]))
+        live += online.take(pairs, pairing.resets)
+    replayed = replay(localizer(), recording)
+    assert [len(one) for one in replayed] == [200, 200]
+    assert [each.stamp_ns for each in live] == [stamp for one in replayed for stamp in one.stamp_ns.tolist()]
+    np.testing.assert_array_equal(
+        [each.mean for each in live], np.concatenate([one.mean for one in replayed])
+    )
+    assert [each.state for each in live] == [state for one in replayed for state in one.state]
+
+
+def earlier(message: Any, ms: int) -> Any:
+    """A message with an earlier stamp."""
+    stamp_ns = bag_stamp_of(message) - ms * 1_000_000
+    stamp = replace(message.header.stamp, sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+    return replace(message, header=replace(message.header, stamp=stamp))
