@@ -31,6 +31,9 @@ from tactile_localizer.scene import Scene
 _CELL_M = 0.002
 """Size of the smallest cells of a map, m; rougher scans have larger ones."""
 
+_PROPOSED = ".scene.yaml"
+"""Ending of the file of a proposed scene, beside the scan."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare ``import csv``, ``import bag`` and ``import can``."""
@@ -64,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Import, and print the numbers of sweeps and pairs, skipped samples and findings."""
     scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else None
+    assumptions: list[str] = []
     detail = {"files": args.files, "detect_sweeps": args.detect_sweeps}
     if args.kind == "can":
         detail |= {"dbc": args.dbc}
@@ -73,7 +77,8 @@ def run(args: argparse.Namespace) -> int:
         naming = naming_from_arguments(args)
         detail |= {"columns": naming_to_dict(naming), "poses": args.poses}
         try:
-            scene = scene or _proposed(args, naming)
+            if scene is None:
+                scene, assumptions = _proposed(args, naming)
             strain = log_reader(args, scene) if args.kind == "can" else None
             options = {"poses": args.poses, "max_gap_s": args.max_gap, "strain": strain}
             recording = read_csv(args.files, scene, naming, **options)
@@ -93,6 +98,12 @@ def run(args: argparse.Namespace) -> int:
     scene.cells(_CELL_M / levers(scene))
     what = f"import {args.kind}"
     notes = import_recording(recording, scene, args.output, what=what, detail=detail, force=args.force)
+    if assumptions:
+        path = Path(f"{args.output}{_PROPOSED}")
+        save_scene(scene, path)
+        print(f"{path}: a proposed scene; correct it and import again with --scene {path} if this is wrong:")
+        for line in assumptions:
+            print(f"  {printable(line)}")
     made = ScanFolder(args.output).recording()
     print(f"{args.output}: {len(made.sweeps)} sweeps, {len(made)} pairs")
     for note in (*notes, *findings(scan_of(made, scene), scene, made.sweeps)):
@@ -106,16 +117,11 @@ def _detector(args: argparse.Namespace, scene: Scene) -> SweepDetector | None:
     return SweepDetector(scene.axes, one_way=args.detect_sweeps == "one_way")
 
 
-def _proposed(args: argparse.Namespace, naming: ColumnNaming) -> Scene:
-    """Propose a scene, write it and print what was assumed."""
-    scene, assumptions = propose_scene(Path(args.output).name, args.files, naming, args.poses)
-    path = Path(f"{args.output}.scene.yaml")
+def _proposed(args: argparse.Namespace, naming: ColumnNaming) -> tuple[Scene, list[str]]:
+    """A proposed scene, and what was assumed."""
+    path = Path(f"{args.output}{_PROPOSED}")
     if os.path.lexists(path):
         raise SceneError(
             f"{path}: expected no file; pass it by --scene {path}, or remove it for a new proposal"
         )
-    save_scene(scene, path)
-    print(f"{path}: a proposed scene; correct it and import again with --scene {path} if this is wrong:")
-    for line in assumptions:
-        print(f"  {printable(line)}")
-    return scene
+    return propose_scene(Path(args.output).name, args.files, naming, args.poses, args.max_gap)

@@ -184,25 +184,6 @@ def missing_status(strain: np.ndarray, layout: ChannelLayout) -> np.ndarray:
     return np.where(layout.all(np.isfinite(strain)), OK, MISSING).astype(np.uint8)
 
 
-def in_order(
-    stamp_ns: np.ndarray, what: str, notes: list[str], after_ns: int = np.iinfo(np.int64).min
-) -> np.ndarray:
-    """Rows (k,) whose stamp is later than all before it, of n stamps; others are noted.
-
-    Parameters
-    ----------
-    stamp_ns : (n,) stamps, ns
-    what : name of the samples for the note
-    notes : gets a line if samples are left out
-    after_ns : earliest stamp, which is left out, ns; 0 for messages, where it means no time yet
-    """
-    newest = np.maximum.accumulate(np.concatenate([[after_ns], stamp_ns]))[:-1]
-    rows = np.flatnonzero(stamp_ns > newest)
-    if left_out := len(stamp_ns) - len(rows):
-        notes.append(f"skipped {left_out} of {len(stamp_ns)} {what} whose stamps do not increase")
-    return rows
-
-
 def late_notes(run: np.ndarray, what: str) -> Iterator[str]:
     """A line about samples, called ``what``, whose run (n,) is :data:`LATE`."""
     if late := int(np.sum(run == LATE)):

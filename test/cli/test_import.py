@@ -230,6 +230,16 @@ def test_a_scene_is_proposed_written_and_used(folder, run):
     assert run(f"{arguments} --scene own_scan.scene.yaml -o again_scan")[0] == 0
 
 
+def test_slow_poses_are_refused_with_the_option_that_takes_them(folder, run):
+    arguments = touch_and_poses(folder)
+    write_csv(folder / "poses.csv", [[200 * k, 0.002 * k] for k in range(26)], ["t_ms", "px"])
+    refusal = run(f"{arguments} -o own_scan")[2]
+    assert "the poses are 0.2 s apart" in refusal
+    assert "--max-gap 0.3" in refusal
+    assert not (folder / "own_scan.scene.yaml").exists(), "nothing that a second try would stumble over"
+    assert run(f"{arguments} --max-gap 0.3 -o own_scan")[0] == 0
+
+
 def test_a_proposal_has_every_axis(folder, run):
     names = ["time", "palm_1", "y", "yaw", *(f"finger_{n}" for n in range(1, 4))]
     write_csv(folder / "touch.csv", [[0.01 * n, 0.001 * n, 0.0, 0.1, *range(3)] for n in range(60)], names)
@@ -238,7 +248,7 @@ def test_a_proposal_has_every_axis(folder, run):
     assert (scene.axis_names, scene.phalanx_names) == (("x", "y", "yaw"), ("finger",))
     assert (scene.axes[2].lower, scene.axes[2].upper) == (0.0, 0.2)
     refusal = run(f"csv touch.csv --column stamp_s=time -o {'x' * 300}")[2]
-    assert "could not be written, File name too long" in refusal
+    assert "expected a writable folder, File name too long" in refusal
 
 
 def test_a_proposal_in_millimetres_is_noticed(folder, run):
@@ -270,7 +280,7 @@ def test_strain_and_poses_of_two_clocks_are_refused_with_both_ranges(folder, run
     status, _, refusal = run(f"csv touch.csv --poses poses.csv {naming} {clocks} -o own_scan")
     assert status == 2
     assert "strain from 1763990000.000 to 1763990004.950 s, poses from 0.000 to 4.967 s" in refusal
-    assert "--column pose_stamp_s=t_ms-SECONDS shifts them" in refusal
+    assert "--column pose_stamp_s=t_ms-SECONDS shifts the poses" in refusal
     shifted = clocks.replace("*0.001", "*0.001+1763990000")
     assert run(f"csv touch.csv --poses poses.csv {naming} {shifted} -o own_scan")[0] == 0
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import ColumnNaming, missing_column, phalanges_in
 from tactile_localizer.io.csv.recording import read_csv
@@ -26,7 +27,11 @@ _LONGEST_M = 3.0
 
 
 def propose_scene(
-    name: str, paths: Sequence[str], naming: ColumnNaming, poses: Sequence[str] = ()
+    name: str,
+    paths: Sequence[str],
+    naming: ColumnNaming,
+    poses: Sequence[str] = (),
+    max_gap_s: float = DEFAULT_MAX_GAP_S,
 ) -> tuple[Scene, list[str]]:
     """Make a scene for a recording.
 
@@ -36,6 +41,7 @@ def propose_scene(
     paths : CSV files with the strain
     naming : columns with other than the standard names
     poses : CSV files with the positions, if they are separate
+    max_gap_s : longest time between two poses across which is interpolated, s
 
     Returns
     -------
@@ -49,10 +55,8 @@ def propose_scene(
         A file cannot be read.
     """
     path, beside = Path(paths[0]), Path((*poses, *paths)[0])
-    known = [
-        *AXIS_NAMES,
-        *(name for quantity in ("stamp_s", *naming.columns) for name in naming.of(quantity).names),
-    ]
+    named = [name for columns in naming.columns.values() for name in columns.names]
+    known = [*AXIS_NAMES, *naming.of("stamp_s").names, *named]
     header, places = (read_rows(each, known)[0].names for each in (path, beside))
     axes = [axis for axis in AXIS_NAMES if axis in {*naming.columns, *places}]
     if not axes:
@@ -63,7 +67,7 @@ def propose_scene(
     phalanges = tuple(Phalanx(phalanx, (0.0,) * len(axes), count) for phalanx, count in counts.items())
     largest = {axis: math.pi if axis == "yaw" else LARGEST_POSITION for axis in axes}
     anywhere = Scene(name, tuple(Axis(axis, -largest[axis], largest[axis]) for axis in axes), phalanges)
-    recording = read_csv(paths, anywhere, naming, poses=poses)
+    recording = read_csv(paths, anywhere, naming, poses=poses, max_gap_s=max_gap_s)
     if not len(recording):
         raise ScanError(
             f"{recording.source}: expected strain with a position, found none: {'; '.join(recording.notes)}"

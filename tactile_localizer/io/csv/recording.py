@@ -16,18 +16,23 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.core.geometry.palm_motion import describe_motion
 from tactile_localizer.core.geometry.runs import LATE, runs_of
 from tactile_localizer.core.geometry.synchronization import (
     DEFAULT_MAX_GAP_S,
-    describe_gaps,
     near_bounds,
     pair_recorded,
 )
 from tactile_localizer.errors import ScanError, listed
 from tactile_localizer.io.csv.columns import FELT, SWEEP, TRUE, ColumnNaming, Columns
 from tactile_localizer.io.csv.table import Table, in_other_unit, read_table
-from tactile_localizer.io.recording import RecordedSweep, Recording, join, missing_status
+from tactile_localizer.io.recording import (
+    RecordedSweep,
+    Recording,
+    join,
+    late_notes,
+    missing_status,
+    pose_notes,
+)
 from tactile_localizer.scene import Scene
 
 _PERIOD_S = 5e-5, 0.5
@@ -106,9 +111,12 @@ def _read_file(
         stamp = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
         poses = read_table(pose_path, scene, naming, stamp, axes, {})
         notes += [*poses.notes, *_yaw_notes(pose_path, axes, poses)]
-        notes += _pose_notes(pose_path, scene, poses, stamp_ns, max_gap_s, naming.of(stamp))
+        notes += late_notes(runs_of(poses.stamp_ns), f"rows of {pose_path}")
+        notes += pose_notes(str(pose_path), scene.axes, stamp_ns, *poses[:2], max_gap_s)
         pair = partial(pair_recorded, scene.axes, stamp_ns, poses.stamp_ns, max_gap_s=max_gap_s)
         position, found, run = pair(poses.position)
+        if not found.any():
+            notes.append(f"--column pose_stamp_s={naming.of(stamp).names[0]}-SECONDS shifts the poses")
         truth = None if (known := _truth(scene, poses)) is None else pair(known)[0]
     status, unit = missing_status(table.strain, scene.layout), naming.strain_unit
     felt = table.beside[FELT] > 0.0 if FELT in table.beside else None
@@ -120,7 +128,7 @@ def _read_file(
             gaps = int(np.sum(~found[rows]))
             sweeps.append(samples.part(rows[found[rows]], int(label[begin]), gaps))
     late, jumps = int(np.sum(run == LATE)), len(sweeps) - len(begun)
-    notes += _late_notes(path, run)
+    notes += late_notes(run, f"rows of {path}")
     if jumps > 0:
         notes.append(f"{path}: {jumps} of {len(run)} stamps jump back, where another sweep begins")
     if not _PERIOD_S[0] <= (period_s := _period_s(stamp_ns)) <= _PERIOD_S[1]:
@@ -145,25 +153,6 @@ def _yaw_notes(path: Path, axes: Mapping[str, Columns], table: Table) -> Iterato
         if axis == "yaw" and np.abs(values).max() > 2 * math.pi:
             factor = f"--column yaw={column.names[0]}*{math.radians(1):.6g}"
             yield f"{path}: yaw is {values.min():.4g} to {values.max():.4g} rad: in degrees? {factor}"
-
-
-def _late_notes(path: Path, run: np.ndarray) -> Iterator[str]:
-    if late := int(np.sum(run == LATE)):
-        yield f"skipped {late} of {len(run)} rows of {path} whose stamps do not increase"
-
-
-def _pose_notes(
-    path: Path, scene: Scene, poses: Table, stamp_ns: np.ndarray, max_gap_s: float, column: Columns
-) -> Iterator[str]:
-    """Findings about poses of a file of their own."""
-    run = runs_of(poses.stamp_ns)
-    yield from _late_notes(path, run)
-    if gaps := describe_gaps(stamp_ns, poses.stamp_ns, max_gap_s):
-        yield f"{path}: {gaps} (--column pose_stamp_s={column.names[0]}-SECONDS shifts them)"
-    for number in range(run.max() + 1):
-        rows = run == number
-        if motion := describe_motion(scene.axes, poses.stamp_ns[rows], poses.position[rows], moves=False):
-            yield f"{path}: {motion}"
 
 
 def _sweep_numbers(path: Path, table: Table) -> np.ndarray:

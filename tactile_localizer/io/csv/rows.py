@@ -74,18 +74,15 @@ def _rows(path: Path, wanted: Collection[str]) -> Iterator[Any]:
             header = _header(head, wanted)
             yield header
             most = _MOST_NUMBERS // max(len(wanted), 1)
-            if (count := size * len(head) // max(len("".join(head)), 1)) > most:
-                raise ScanError(
-                    f"{path}: expected at most {most} rows, found about {count}; split it by sweeps"
-                )
+            expected = size * len(head) // max(len("".join(head)), 1)
             width, names, is_units = len(header.names), head[max(header.line - 1, 0)], True
             for number, line in enumerate(chain(head[header.line :], lines), header.line + 1):
+                if (found := max(number, expected)) > most:
+                    raise ScanError(
+                        f"{path}: expected at most {most} rows, found {found}; split it by sweeps"
+                    )
                 if line.isspace() or line.startswith(_COMMENTS) or line == names or not line:
                     continue
-                if number > most:
-                    raise ScanError(
-                        f"{path} line {number}: expected at most {most} lines; split it by sweeps"
-                    )
                 cells = _cells(line, header.separator)
                 is_units = is_units and not any(map(_NUMBER.fullmatch, cells))
                 if is_units:
