@@ -20,7 +20,7 @@ from tactile_localizer.errors import ScanError, SceneError, printable
 from tactile_localizer.io.csv.columns import ColumnNaming, MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import join, scan_of, with_detected_sweeps
+from tactile_localizer.io.recording import Recording, join, scan_of, with_detected_sweeps
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene, save_scene
@@ -68,33 +68,27 @@ def run(args: argparse.Namespace) -> int:
     """Import, and print the numbers of sweeps and pairs, skipped samples and findings."""
     scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else None
     assumptions: list[str] = []
-    detail = {"files": args.files, "detect_sweeps": args.detect_sweeps}
-    if args.kind == "can":
-        detail |= {"dbc": args.dbc}
-        if not args.poses:
-            raise ScanError("import can: expected --poses FILE with the palm positions beside the log")
-    if args.kind != "bag":
-        naming = naming_from_arguments(args)
-        detail |= {"columns": naming_to_dict(naming), "poses": args.poses}
-        try:
-            if scene is None:
-                scene, assumptions = _proposed(args, naming)
-            strain = log_reader(args, scene) if args.kind == "can" else None
-            options = {"poses": args.poses, "max_gap_s": args.max_gap, "strain": strain}
-            recording = read_csv(args.files, scene, naming, **options)
-            if detector := _detector(args, scene):
-                recording = with_detected_sweeps(recording, detector)
-        except MissingColumnError as error:
-            for line in error.template.splitlines():
-                print(printable(line))
-            raise
-    else:
+    detail = {
+        name: vars(args).get(name) for name in ("files", "detect_sweeps", "dbc") if vars(args).get(name)
+    }
+    if args.kind == "bag":
         # Imported here because rosbags takes 0.3 s, which CSV files do not need.
         from tactile_localizer.io.bags.recording import read_bag
 
         assert scene is not None
         options = bag_options(args, scene) | {"detector": _detector(args, scene)}
         recording = join([read_bag(file, scene, **options) for file in args.files])
+    else:
+        naming = naming_from_arguments(args)
+        detail |= {"columns": naming_to_dict(naming), "poses": args.poses}
+        try:
+            if scene is None:
+                scene, assumptions = _proposed(args, naming)
+            recording = _tables(args, scene, naming)
+        except MissingColumnError as error:
+            for line in error.template.splitlines():
+                print(printable(line))
+            raise
     scene.cells(_CELL_M / levers(scene))
     what = f"import {args.kind}"
     notes = import_recording(recording, scene, args.output, what=what, detail=detail, force=args.force)
@@ -109,6 +103,17 @@ def run(args: argparse.Namespace) -> int:
     for note in (*notes, *findings(scan_of(made, scene), scene, made.sweeps)):
         print(f"  {printable(note)}")
     return 0
+
+
+def _tables(args: argparse.Namespace, scene: Scene, naming: ColumnNaming) -> Recording:
+    """The recording of CSV files, or of CAN logs with CSV files of the poses."""
+    if args.kind == "can" and not args.poses:
+        raise ScanError("import can: expected --poses FILE with the palm positions beside the log")
+    strain = log_reader(args, scene) if args.kind == "can" else None
+    options = {"poses": args.poses, "max_gap_s": args.max_gap, "strain": strain}
+    recording = read_csv(args.files, scene, naming, **options)
+    detector = _detector(args, scene)
+    return with_detected_sweeps(recording, detector) if detector else recording
 
 
 def _detector(args: argparse.Namespace, scene: Scene) -> SweepDetector | None:

@@ -20,7 +20,18 @@ if TYPE_CHECKING:
 _PICTURES = (".pdf", ".png", ".svg")
 """Extensions of pictures."""
 
-_INPUTS = ("recordings", "scan", "scene", "config", "configurations", "columns", "poses", "adapter")
+_INPUTS = (
+    "recordings",
+    "scan",
+    "scene",
+    "config",
+    "configurations",
+    "columns",
+    "poses",
+    "adapter",
+    "definitions",
+    "dbc",
+)
 """Arguments of commands that name what is read."""
 
 _DPI = 120

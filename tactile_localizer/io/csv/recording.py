@@ -97,44 +97,60 @@ def _read_file(
         table = read_table(path, scene, naming, "stamp_s", {} if pose_path else axes, strains)
     else:
         table = strain(path)
-    stamp_ns, label, notes = table.stamp_ns, _sweep_numbers(path, table), table.notes
-    begun = np.flatnonzero(np.diff(label, prepend=-1))
+    label, notes = _sweep_numbers(path, table), table.notes
     if pose_path is None:
         notes += _yaw_notes(path, axes, table)
-        timed = [each.names == naming.of("stamp_s").names for each in axes.values()]  # a constant speed
-        position = table.position
-        position[:, timed] -= np.repeat(position[begun][:, timed], np.diff([*begun, len(label)]), axis=0)
-        position, truth = near_bounds(scene.axes, position), _truth(scene, table)
-        run = np.concatenate([runs_of(part) for part in np.split(stamp_ns, begun[1:])])
-        found = run != LATE
+        position, found, run, truth = _of_rows(scene, naming, axes, table, label)
     else:
         stamp = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
         poses = read_table(pose_path, scene, naming, stamp, axes, {})
         notes += [*poses.notes, *_yaw_notes(pose_path, axes, poses)]
         notes += late_notes(runs_of(poses.stamp_ns), f"rows of {pose_path}")
-        notes += pose_notes(str(pose_path), scene.axes, stamp_ns, *poses[:2], max_gap_s)
-        pair = partial(pair_recorded, scene.axes, stamp_ns, poses.stamp_ns, max_gap_s=max_gap_s)
+        notes += pose_notes(str(pose_path), scene.axes, table.stamp_ns, *poses[:2], max_gap_s)
+        pair = partial(pair_recorded, scene.axes, table.stamp_ns, poses.stamp_ns, max_gap_s=max_gap_s)
         position, found, run = pair(poses.position)
+        truth = None if (known := _truth(scene, poses)) is None else pair(known)[0]
         if not found.any():
             notes.append(f"--column pose_stamp_s={naming.of(stamp).names[0]}-SECONDS shifts the poses")
-        truth = None if (known := _truth(scene, poses)) is None else pair(known)[0]
     status, unit = missing_status(table.strain, scene.layout), naming.strain_unit
     felt = table.beside[FELT] > 0.0 if FELT in table.beside else None
-    samples = RecordedSweep(0, stamp_ns, position, table.strain, status, truth, felt=felt, strain_unit=unit)
-    sweeps: list[RecordedSweep] = []
-    for begin, end in pairwise([*begun.tolist(), len(label)]):
+    samples = RecordedSweep(
+        0, table.stamp_ns, position, table.strain, status, truth, 0, felt, strain_unit=unit
+    )
+    sweeps = _sweeps(samples, label, run, found)
+    notes += late_notes(run, f"rows of {path}")
+    if (jumps := len(sweeps) - np.count_nonzero(np.diff(label)) - 1) > 0:
+        notes.append(f"{path}: {jumps} of {len(run)} stamps jump back, where another sweep begins")
+    if not _PERIOD_S[0] <= (period_s := _period_s(table.stamp_ns)) <= _PERIOD_S[1]:
+        unit = in_other_unit("stamp_s", naming.of("stamp_s"))
+        notes.append(f"{path}: the stamps are {period_s:.3g} s apart{unit}")
+    return Recording(str(path), tuple(sweeps), tuple(notes), table.lost + int(np.sum(run == LATE)))
+
+
+def _of_rows(
+    scene: Scene, naming: ColumnNaming, axes: Mapping[str, Columns], table: Table, label: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
+    """Positions (n, d) of rows that have them, if they are in order, their runs, and the truth (n, d)."""
+    begun = np.flatnonzero(np.diff(label, prepend=-1))
+    timed = [each.names == naming.of("stamp_s").names for each in axes.values()]  # a constant speed
+    position = table.position
+    position[:, timed] -= np.repeat(position[begun][:, timed], np.diff([*begun, len(label)]), axis=0)
+    run = np.concatenate([runs_of(part) for part in np.split(table.stamp_ns, begun[1:])])
+    return near_bounds(scene.axes, position), run != LATE, run, _truth(scene, table)
+
+
+def _sweeps(
+    samples: RecordedSweep, label: np.ndarray, run: np.ndarray, found: np.ndarray
+) -> list[RecordedSweep]:
+    """The samples by the number ``label`` (n,) of their sweep and by their run; gaps are not ``found``."""
+    sweeps = []
+    ends = np.flatnonzero(np.diff(label)) + 1
+    for begin, end in pairwise([0, *ends.tolist(), len(label)]):
         for part in sorted({*run[begin:end].tolist()} - {LATE}):
             rows = begin + np.flatnonzero(run[begin:end] == part)
             gaps = int(np.sum(~found[rows]))
             sweeps.append(samples.part(rows[found[rows]], int(label[begin]), gaps))
-    late, jumps = int(np.sum(run == LATE)), len(sweeps) - len(begun)
-    notes += late_notes(run, f"rows of {path}")
-    if jumps > 0:
-        notes.append(f"{path}: {jumps} of {len(run)} stamps jump back, where another sweep begins")
-    if not _PERIOD_S[0] <= (period_s := _period_s(stamp_ns)) <= _PERIOD_S[1]:
-        unit = in_other_unit("stamp_s", naming.of("stamp_s"))
-        notes.append(f"{path}: the stamps are {period_s:.3g} s apart{unit}")
-    return Recording(str(path), tuple(sweeps), tuple(notes), table.lost + late)
+    return sweeps
 
 
 def _period_s(stamp_ns: np.ndarray) -> float:
