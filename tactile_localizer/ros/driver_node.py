@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.can.bus import BusSettings, parse_options
-from tactile_localizer.io.can.commands import Commands, parse_frame
+from tactile_localizer.io.can.commands import Commands, parse_frames
 from tactile_localizer.io.can.driver import LoadCellDriver
 from tactile_localizer.io.can.layout import SignalNames
 from tactile_localizer.io.can.protocol import LoadCellProtocol
@@ -67,9 +67,9 @@ class DriverNode(ManagedNode):
             parse_options(parameters["bus_options"]),
             parameters["receive_buffer"],
             Commands(
-                [parse_frame(text) for text in parameters["start_frames"]],
-                [parse_frame(text) for text in parameters["stop_frames"]],
-                parse_frame(parameters["sync_frame"]) if parameters["sync_frame"] else None,
+                parse_frames(parameters["start_frames"]),
+                parse_frames(parameters["stop_frames"]),
+                parse_frames(parameters["sync_frame"].split()),
                 parameters["sync_period_s"],
             ),
         )

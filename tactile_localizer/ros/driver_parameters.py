@@ -38,7 +38,7 @@ PARAMETERS = (
     Parameter(
         "sync_frame",
         "",
-        "Frame that synchronizes or polls the load cells, such as '080#' or '181#R'",
+        "Frames that synchronize or poll the load cells, such as '080#' or '181#R 182#R'",
         at_start=True,
     ),
     Parameter("sync_period_s", 0.01, "Period at which sync_frame is sent", "s", 0.0005, 10.0),

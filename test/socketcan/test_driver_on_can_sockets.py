@@ -30,7 +30,7 @@ from support.waiting import wait_until
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.can.bus import BusSettings
-from tactile_localizer.io.can.commands import Commands, parse_frame
+from tactile_localizer.io.can.commands import Commands, parse_frames
 from tactile_localizer.io.can.driver import OPEN, WAITING, LoadCellDriver
 from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, ERROR_PASSIVE, ERROR_WARNING
 from tactile_localizer.io.can.protocol import FrameKind
@@ -258,8 +258,8 @@ def test_strain_comes_and_returns_with_the_interface(
 def test_load_cells_are_started_synchronized_and_stopped(
     bench: Callable[..., Bench], sender: can.BusABC
 ) -> None:
-    start, sync, stop = map(parse_frame, ("064#0B", "080#", "064#0C"))
-    one = bench(commands=Commands([start], [stop], sync, sync_period_s=0.02))
+    start, sync, stop = parse_frames(["064#0B", "080#", "064#0C"])
+    one = bench(commands=Commands([start], [stop], [sync], sync_period_s=0.02))
 
     def until(wanted: can.Message, count: int = 1) -> None:
         received: Counter[tuple[int, bytes]] = Counter()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import can
@@ -27,21 +27,21 @@ class Commands:
     ----------
     start : sent when the bus opens, and while load cells are silent
     stop : sent before the bus is closed on purpose
-    sync : sent every ``sync_period_s``, s
+    sync : each sent every ``sync_period_s``, s
     """
 
     start: Sequence[can.Message] = ()
     stop: Sequence[can.Message] = ()
-    sync: can.Message | None = None
+    sync: Sequence[can.Message] = ()
     sync_period_s: float = 0.01
 
     def begin(self, bus: can.BusABC) -> None:
-        """Send the start frames, and begin to send the other one periodically."""
+        """Send the start frames, and begin to send others periodically."""
         bus.stop_all_periodic_tasks()
         for frame in self.start:
             bus.send(frame)
-        if self.sync is not None:
-            task = bus.send_periodic(self.sync, self.sync_period_s)
+        for frame in self.sync:
+            task = bus.send_periodic(frame, self.sync_period_s)
             if isinstance(task, ThreadBasedCyclicSendTask):
                 task.on_error = lambda error: True  # continue: the bus can recover
 
@@ -52,15 +52,17 @@ class Commands:
             bus.send(frame)
 
 
-def parse_frame(text: str) -> can.Message:
-    """A frame as candump prints it: ``064#0B``, ``18FF1021#01``, ``064#R`` (remote), ``064##10B`` (CAN FD).
+def parse_frames(texts: Iterable[str]) -> list[can.Message]:
+    """Frames as candump prints them: ``064#0B``, ``18FF1021#01``, ``064#R`` (remote), ``064##10B`` (CAN FD).
 
     Raises
     ------
     CanError
-        ``text`` is no such frame.
+        A text is no such frame.
     """
-    if not _FRAME.fullmatch(text):
-        raise CanError(f"frame {text!r}: expected IDENTIFIER#DATA as candump prints it, such as 064#0B")
-    (frame,) = CanutilsLogReader(io.StringIO(f"(0) can {text}"))
-    return frame
+    frames: list[can.Message] = []
+    for text in texts:
+        if not _FRAME.fullmatch(text):
+            raise CanError(f"frame {text!r}: expected IDENTIFIER#DATA as candump prints it, such as 064#0B")
+        frames += CanutilsLogReader(io.StringIO(f"(0) can {text}"))
+    return frames

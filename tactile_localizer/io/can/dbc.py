@@ -47,8 +47,8 @@ def read_messages(
 ) -> PhalanxMessages:
     """Messages of each phalanx: those listed in ``messages``, or else those named after the phalanx.
 
-    Messages of the phalanx ``index`` are ``index``, and ``index_`` with one letter or digit. A listed message
-    can have another identifier than in the DBC: ``STRAIN@0x182``.
+    Messages of the phalanx ``index`` are ``index``, and ``index_`` with one letter or a number. A listed
+    message can have another identifier than in the DBC: ``STRAIN@0x182``.
 
     Raises
     ------
@@ -87,12 +87,16 @@ def read_messages(
 
 
 def _decoded(data: bytes) -> str:
-    """Text in UTF-8, or in the code page in which editors of DBCs write."""
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("cp1252", errors="replace")
-    return text.replace("\r\n", "\n").replace("\r", "\n") + "\n"
+    """Text in UTF-8 or UTF-16, or with lines in the code page in which editors of DBCs write."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    lines = []
+    for line in data.removeprefix(b"\xef\xbb\xbf").splitlines():
+        try:
+            lines.append(line.decode())
+        except UnicodeDecodeError:
+            lines.append(line.decode("cp1252", errors="replace"))
+    return "\n".join(lines) + "\n"
 
 
 def _choose(
@@ -102,7 +106,7 @@ def _choose(
     owners: dict[str, str] = {}
     chosen = []
     for phalanx in phalanges:
-        pattern = re.compile(re.escape(phalanx) + "(_[A-Za-z0-9])?")
+        pattern = re.compile(re.escape(phalanx) + r"(_([A-Za-z]|\d+))?")
         own = list(messages.get(phalanx, ())) or list(dict.fromkeys(filter(pattern.fullmatch, names)))
         if not own:
             raise CanError(

@@ -22,8 +22,8 @@ from tactile_localizer.io.can.layout import (
 )
 from tactile_localizer.io.status import FAULT, SATURATED
 
-_WITHOUT_SOURCE = 0x1FFFFF00
-"""Mask of an identifier of SAE J1939 without the address of its sender."""
+_GROUP = 0x03FFFF00
+"""Mask of an identifier of SAE J1939 without its priority and the address of its sender."""
 
 
 class FrameKind(enum.IntEnum):
@@ -79,9 +79,9 @@ class LoadCellProtocol:
         self.is_fd = any(message.length > 8 or message.definition.is_fd for message in self.messages)
         self._slots = {message.key: slot for slot, message in enumerate(self.messages)}
         self._similar = {(key[0], not key[1]): slot for key, slot in self._slots.items()}
-        for slot, message in enumerate(self.messages):
-            if message.is_j1939:
-                self._similar[message.key[0] & _WITHOUT_SOURCE, True] = slot
+        self._similar |= {
+            (number & _GROUP, True): slot for (number, _), slot in self._slots.items() if number > 0x7FF
+        }
         self._ends = np.cumsum([message.length for message in self.messages]).tolist()
         self.size = self._ends[-1]
         self._counters = [_shift_of(message) for message in self.messages]
@@ -125,7 +125,7 @@ class LoadCellProtocol:
         return [
             {
                 "can_id": message.definition.frame_id,
-                "can_mask": _WITHOUT_SOURCE if message.is_j1939 else 0x1FFFFFFF,
+                "can_mask": _GROUP if message.is_j1939 else 0x1FFFFFFF,
                 "extended": extended,
             }
             for message in self.messages
@@ -148,7 +148,7 @@ class LoadCellProtocol:
         if frame.is_remote_frame:
             return FrameKind.REMOTE, slot, 0
         if slot < 0:
-            group = number & _WITHOUT_SOURCE
+            group = number & _GROUP
             slot = self._similar.get((number, extended), self._similar.get((group, extended), -1))
             return FrameKind.UNKNOWN_ID, slot, 0
         if len(frame.data) != self.messages[slot].length:
@@ -163,8 +163,8 @@ class LoadCellProtocol:
             return f"{message.name}: remote frames"
         if number != message.key[0]:
             return (
-                f"0x{number:X} differs from {message.name} only in the address of its sender: set messages."
-                f"{self.phalanges[message.phalanx]} to {message.definition.name}@0x{number:X}"
+                f"0x{number:X} differs from {message.name} only in its priority or the address of its sender"
+                f": set messages.{self.phalanges[message.phalanx]} to {message.definition.name}@0x{number:X}"
             )
         if frame.is_extended_id != message.key[1]:
             found, expected = (29, 11) if frame.is_extended_id else (11, 29)

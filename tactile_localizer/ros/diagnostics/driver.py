@@ -151,7 +151,7 @@ class DriverDiagnostics:
             "age_s": "" if age_s is None else f"{age_s:.3f}",
             **counts,
         }
-        if misfit and not new_of_phalanx["samples"]:
+        if misfit and not new_of_phalanx["samples"] and (age_s or 0.0) < self._stale_timeout_s:
             return self._publisher.status(name, DiagnosticStatus.ERROR, misfit, values)
         return self._publisher.status(name, *self._level(new_of_phalanx, age_s, suspect), values)
 

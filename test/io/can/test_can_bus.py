@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import can
@@ -44,6 +45,16 @@ def test_a_bus_that_fails_after_it_was_opened_is_closed(monkeypatch: pytest.Monk
     with pytest.raises(CanError, match="expected an interface that opens, got: division by zero") as refusal:
         open_bus(BusSettings("virtual", "closed", receive_buffer=1000))
     assert closed, refusal  # which keeps the bus from being collected
+
+
+def test_configuration_files_of_python_can_are_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, simulated_can: dict[str, Any]
+) -> None:
+    (tmp_path / ".canrc").write_text("[default]\nhop_limit = many\n")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("CAN_CONFIG", '{"hop_limit": "many"}')
+    options = {"port": simulated_can["port"]}
+    open_bus(BusSettings("udp_multicast", simulated_can["channel"], options)).shutdown()
 
 
 def test_options_are_parsed_as_yaml() -> None:

@@ -230,7 +230,13 @@ BA_ "VFrameFormat" BO_ 2566852862 3;
             J1939,
             {"arbitration_id": 0x18FF1021, "is_extended_id": True},
             FrameKind.UNKNOWN_ID,
-            "0x18FF1021 differs from 0x18FF10FE index only in the address of its sender",
+            "0x18FF1021 differs from 0x18FF10FE index only in its priority or the address of its sender",
+        ),
+        (
+            J1939,
+            {"arbitration_id": 0xCFF1021, "is_extended_id": True},
+            FrameKind.UNKNOWN_ID,
+            "set messages.index to index@0xCFF1021",
         ),
     ],
 )
@@ -287,14 +293,17 @@ def test_saturation_is_explained_by_the_range_of_the_dbc(tmp_path: Path) -> None
     assert hand.explain(0, data_of(hand, hand.encode(0, voltages, sequence=0))).startswith("gauge_7 is 2.04")
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig"])
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig", "utf-16"])
 @pytest.mark.parametrize("unit", ["mV", "uV", "\u00b5V", "\u03bcV"])
 def test_other_units_are_converted_to_volts(tmp_path: Path, unit: str, encoding: str) -> None:
     if unit == "\u03bcV" and encoding == "cp1252":
         return  # which has no Greek letters
     scaling = "(0.25,0) [-2048|2047.75]" if unit == "mV" else "(250,0) [-2048000|2047750]"
     text = CLASSIC.replace('(0.00025,0) [-2.048|2.04775] "V"', f'{scaling} "{unit}"')
-    (tmp_path / "own.dbc").write_text(text, encoding=encoding)
+    data = text.encode(encoding)
+    if encoding == "utf-8":
+        data += 'CM_ "K\xf6rper";\n'.encode("cp1252")  # as by another editor
+    (tmp_path / "own.dbc").write_bytes(data)
     hand = LoadCellProtocol(tmp_path / "own.dbc", ["index"])
     np.testing.assert_allclose(strain_in(hand, hand.encode(0, np.full(8, 1.25), sequence=0)), 1.25)
 
@@ -474,6 +483,12 @@ def test_signals_of_one_name_in_each_message_are_channels(
     assert [found[column] for column in range(hand.channels.size)] == expected.split()
     strain = np.arange(hand.channels.size) * 0.1
     np.testing.assert_allclose(strain_in(hand, hand.encode(0, strain, sequence=0)), strain, atol=1e-9)
+
+
+def test_messages_of_a_phalanx_are_numbered(tmp_path: Path) -> None:
+    text = taxels(12) + 'BO_ 99 index_tip: 8 hand\n SG_ x : 0|16@1- (1,0) [0|0] "V" hand\n'
+    hand = LoadCellProtocol(write(tmp_path / "own.dbc", text), ["index"], names=SignalNames(("x", "y", "z")))
+    assert hand.channels.size == 36
 
 
 def test_boards_of_one_kind_share_a_message(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from support.waiting import Deadline, wait_until
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can import driver
 from tactile_localizer.io.can.bus import AbsentBusError, BusSettings, ReceiveQueue
-from tactile_localizer.io.can.commands import Commands, parse_frame
+from tactile_localizer.io.can.commands import Commands, parse_frames
 from tactile_localizer.io.can.driver import CLOSED, OPEN, WAITING, LoadCellDriver
 from tactile_localizer.io.can.error_frames import (
     BUS_OFF,
@@ -203,7 +203,7 @@ def test_load_cells_are_started_with_the_bus_and_again_while_one_is_silent(
     line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(driver, "_POLL_PERIOD_S", 0.0)
-    one = line(commands=Commands(start=[parse_frame("064#0B"), parse_frame("065#0B")]))
+    one = line(commands=Commands(start=parse_frames(["064#0B", "065#0B"])))
     wait_until(lambda: one.status.state == OPEN, "the bus")
     assert sent_to(one) == ["064#0B", "065#0B"]
     one.counts.phalanges[0].last_ns = time.time_ns() + 10**12
@@ -222,11 +222,11 @@ def test_load_cells_are_started_with_the_bus_and_again_while_one_is_silent(
 def test_load_cells_are_synchronized_and_then_stopped(
     line: Callable[..., Line],
 ) -> None:
-    commands = Commands(sync=parse_frame("080#"), sync_period_s=0.01, stop=[parse_frame("064#0C")])
+    commands = Commands((), parse_frames(["064#0C"]), parse_frames(["181#R", "182#R"]), 0.01)
     one = line(commands=commands)
     received: list[str] = []
     wait_until(lambda: received.extend(sent_to(one)) or len(received) > 5, "six frames")  # type: ignore[func-returns-value]
-    assert set(received) == {"080#"}
+    assert set(received) == {"181#", "182#"}
     assert one.stop()
     assert sent_to(one)[-1] == "064#0C"
     time.sleep(0.05)
@@ -240,7 +240,7 @@ def test_frames_that_cannot_be_sent_are_logged_and_reading_continues(
         raise can.CanOperationError("transmit buffer full")
 
     monkeypatch.setattr(VirtualBus, "send", refuse)
-    one = line(commands=Commands(start=[parse_frame("064#0B")]))
+    one = line(commands=Commands(start=parse_frames(["064#0B"])))
     wait_until(lambda: one.status.state == OPEN, "the bus")
     assert one.log == ["CAN bus: frames could not be sent: transmit buffer full"]
 
@@ -256,7 +256,7 @@ def test_frames_that_cannot_be_sent_are_logged_and_reading_continues(
     ],
 )
 def test_frames_are_written_as_candump_prints_them(text: str, identifier: int, data: str, kind: str) -> None:
-    frame = parse_frame(text)
+    (frame,) = parse_frames([text])
     assert (frame.arbitration_id, frame.data.hex()) == (identifier, data)
     assert getattr(frame, kind)
     assert frame.is_extended_id == (len(text.partition("#")[0]) == 8)
@@ -267,7 +267,7 @@ def test_frames_are_written_as_candump_prints_them(text: str, identifier: int, d
 )
 def test_other_texts_are_no_frames(text: str) -> None:
     with pytest.raises(CanError, match="as candump prints it, such as 064#0B"):
-        parse_frame(text)
+        parse_frames([text])
 
 
 def test_bugs_in_the_receiver_do_not_end_the_thread(line: Callable[..., Line]) -> None:
