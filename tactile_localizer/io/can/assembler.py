@@ -1,30 +1,49 @@
 """Assembly of frames into cycles: the strain of all phalanges at one time.
 
-A cycle holds what is received within half a period of its first frame. It closes at the end of that time,
-when all its frames have been received, or when a load cell sends its next sample. The frames of one sample
-of a load cell belong together by its counter; gaps of the counter are lost samples. A phalanx without a
-complete sample is ``MISSING`` and its voltages are NaN.
+Load cells send once per period, in a burst or each at a time of its own. Cycles are cut in the middle of the
+largest gap between their frames, which is followed as their phases drift. A cycle closes at the cut, when all
+its frames have been received, or when a load cell sends its next sample. A phalanx without a complete sample
+is ``MISSING`` and its voltages are NaN.
+
+Counters do not cut cycles. They count losses, and reveal frames of one load cell that belong to two samples.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import can
 import numpy as np
 
+from tactile_localizer.io.can.counter import MAX_LATE, RollingCounter
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import FAULT, MISSING, SATURATED
 
 SHORTEST_PERIOD_NS, LONGEST_PERIOD_NS = 500_000, 1_000_000_000
 """Range of estimated periods, ns: 2 kHz to 1 Hz."""
 
-MAX_LATE = 2
-"""Most samples by which a counter is taken as late; further behind, it has advanced or restarted."""
+PAUSE_NS = 2 * LONGEST_PERIOD_NS
+"""Silence of the whole bus from which the hand may have been off: nothing is lost, counters begin anew."""
 
-MAX_LOST = 1000
-"""Most samples counted as lost at once, 1 s at 1 kHz; a counter further ahead has restarted."""
+TOLERANCE = 1 / 16
+"""Fraction of a period from which a frame is delayed, or ahead of a delay."""
+
+INTERVALS = 64
+"""Number of intervals from which the period of a message is estimated."""
+
+LARGER = 1.5
+"""Ratio from which a gap between frames is larger than that of the cut."""
+
+FLUSHED = 3
+"""Number of periods of silence after which an open cycle is closed."""
+
+RELIABLE = 100
+"""Number of periods without a frame for which the cut is continued."""
+
+CONFIRMATIONS = 8
+"""Cycles in a row after which the cut moves to a larger gap, or the counters of two messages are separate."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +55,7 @@ class Cycle:
     stamp_ns : receive time of the first frame, ns
     strain : (C,) V; NaN where missing
     status : (F,) uint8 bits of :mod:`~tactile_localizer.io.status`
-    sequence : (F,) uint32, unwrapped counter of the load cell; number of the cycle if it has no counter
+    sequence : (F,) uint32, number of the sample by the load cell's counter; of the cycle if it has no counter
     """
 
     stamp_ns: int
@@ -54,21 +73,23 @@ class PhalanxCounts:
     samples : complete samples
     missing : cycles without voltages of this phalanx
     drops : frames sent that are in no cycle, according to the counter
-    jumps : frames whose counter does not continue the previous one; many of them indicate losses or two
-        senders with the same identifiers
-    restarts : jumps of the counter that are too large for losses
+    jumps : frames whose counter neither continues nor shows losses: a restart, or two senders with the same
+        identifiers
     saturated, faults : samples with that status
     last_ns : receive time of the last frame used, ns; 0 before the first
+    cycles_per_sample : period of the load cell in cycles, which are as fast as the fastest one
+    counter : reason why its counter is not used, continuing "the counter"; else empty
     """
 
     samples: int = 0
     missing: int = 0
     drops: int = 0
     jumps: int = 0
-    restarts: int = 0
     saturated: int = 0
     faults: int = 0
     last_ns: int = 0
+    cycles_per_sample: float = 1.0
+    counter: str = ""
 
 
 @dataclass
@@ -91,33 +112,87 @@ class BusCounts:
     suspects: dict[int, bytes] = field(default_factory=dict)
 
 
-@dataclass(slots=True)
-class _LoadCell:
-    """Newest sample of a load cell.
+@dataclass(slots=True, eq=False)
+class _Stream:
+    """Frames of one message.
 
     Attributes
     ----------
-    parts : frames per sample
-    span : values of the counter; 0 without a counter
-    counter : ``None`` before the first sample
-    sequence : unwrapped counter
-    cycle : number of its cycle
-    began_ns : stamp of its first frame
-    sent : its frames; 0 for the first sample, of which some were sent before reception began
-    have : bit mask of its received frames
-    is_open : whether its cycle is open
+    cell : load cell that sends it
+    place : of its data in those of a cycle
+    last_ns, sent_ns : stamp of the newest frame, and without the delay of the bus; 0 before the first
+    sequence : number of the sample
+    cycle : number of the newest cycle with a frame
+    value, samples : value of the counter of that frame, and samples by which it is ahead of the one before
+    lead : usual difference of its counter from that of the load cell's first message; ``None``: unknown
+    intervals : newest times between two samples, ns
+    period_ns : usual one of them; 0: unknown
     """
 
-    parts: int
-    span: int
-    counts: PhalanxCounts = field(default_factory=PhalanxCounts)
-    counter: int | None = None
+    cell: _LoadCell = field(repr=False)
+    place: slice
+    counter: RollingCounter | None
+    last_ns: int = 0
+    sent_ns: int = 0
     sequence: int = 0
     cycle: int = 0
-    began_ns: int = 0
-    sent: int = 0
-    have: int = 0
-    is_open: bool = False
+    value: int = 0
+    samples: int = 1
+    lead: int | None = None
+    intervals: deque[float] = field(default_factory=lambda: deque(maxlen=INTERVALS))
+    measured: int = 0
+    period_ns: float = 0.0
+
+
+@dataclass(slots=True, eq=False)
+class _LoadCell:
+    """Messages of one load cell.
+
+    Attributes
+    ----------
+    is_common : whether its messages were seen to share a counter: it was equal again after a loss in one
+    torn : number of cycles in a row whose frames are of different samples by the counters
+    """
+
+    streams: list[_Stream] = field(default_factory=list)
+    counts: PhalanxCounts = field(default_factory=PhalanxCounts)
+    is_common: bool = False
+    torn: int = 0
+
+    def is_whole(self, cycle: int) -> bool:
+        """Whether a cycle has a frame of each message."""
+        return all(stream.cycle == cycle for stream in self.streams)
+
+    def settle(self) -> bool:
+        """Decide that the counters are separate, unless a common one was seen; returns whether they are."""
+        self.torn += 1
+        if self.is_common and self.torn < CONFIRMATIONS:
+            return False
+        for stream, counter, lead in self.leads():
+            behind = round(abs(lead) / counter.step)
+            self.counts.drops += behind if counter.is_sure and behind <= MAX_LATE else 0
+            stream.lead = (stream.lead or 0) + lead
+        self.torn, self.is_common = 0, False
+        return True
+
+    def leads(self) -> list[tuple[_Stream, RollingCounter, int]]:
+        """Messages whose newest frame is not of the sample of the first message's, and by how much."""
+        first = self.streams[0].counter
+        found = []
+        for stream in self.streams[1:]:
+            own = stream.counter
+            if first is None or own is None or first.span != own.span or not first.step == own.step > 0:
+                continue
+            if stream.lead is None:
+                stream.lead = own.ahead_of(stream.value, self.streams[0].value)
+            lead = own.ahead_of(stream.value, self.streams[0].value + stream.lead)
+            if 2 * abs(lead) > own.step:
+                found.append((stream, own, lead))
+            elif stream.samples != self.streams[0].samples:
+                self.is_common = True
+        if not found:
+            self.torn = 0
+        return found
 
 
 class CycleAssembler:
@@ -126,18 +201,19 @@ class CycleAssembler:
     Parameters
     ----------
     protocol : layout of the frames
-    period_s : period of the samples, s; 0: estimated from the time between the samples of each load cell, and
-        cycles before the first estimate are discarded
+    period_s : period of the cycles, s; 0: estimated, as that of the fastest load cell, and cycles before the
+        first estimate are discarded
     """
 
     def __init__(self, protocol: LoadCellProtocol, period_s: float = 0.0) -> None:
-        phalanx_of = [message.phalanx for message in protocol.messages]
-        spans = {message.phalanx: message.counter_span for message in protocol.messages}
-        self._cells = [_LoadCell(phalanx_of.count(p), spans[p]) for p in range(len(protocol.phalanges))]
-        self._slots = [
-            (self._cells[p], 1 << phalanx_of[:slot].count(p), protocol.bytes_of(slot))
-            for slot, p in enumerate(phalanx_of)
-        ]
+        self._cells = [_LoadCell() for _ in protocol.phalanges]
+        self._streams = []
+        for slot, message in enumerate(protocol.messages):
+            cell = self._cells[message.phalanx]
+            counter = RollingCounter(len(message.counter_values)) if message.counter else None
+            cell.streams.append(_Stream(cell, protocol.bytes_of(slot), counter))
+            self._streams.append(cell.streams[-1])
+        self._paired = [cell for cell in self._cells if len(cell.streams) > 1]
         self.counts = BusCounts([cell.counts for cell in self._cells])
         self._protocol = protocol
         self._is_estimated = not period_s
@@ -148,12 +224,23 @@ class CycleAssembler:
         self._number = 0  # of the newest cycle
         self._first_ns = 0  # stamp of its first frame
         self._awaited = 0  # its frames not yet received
+        self._last_ns = self._sent_ns = 0  # stamp of the newest frame, and without the delay
+        self._delay_ns = 0  # of the whole bus, whose frames then come in a burst
+        self._cut_ns = 0  # end of the newest cycle, without the delay
+        self._gap_ns = self._middle_ns = 0  # largest gap between frames since the last cut
+        # Number of cycles in a row with a larger gap than that of the cut
+        self._confirmed = CONFIRMATIONS - 1 if self._is_estimated else 0
+        self._torn: list[_LoadCell] = []  # load cells whose frames in the open cycle are of different samples
+        self._is_aligned = True  # whether the cut has passed since it moved
 
     def reset(self) -> None:
         """Close the open cycle and forget the counters, as after a pause. Totals and the period are kept."""
         self._close()
-        for cell in self._cells:
-            cell.counter = None
+        self._delay_ns = 0
+        for stream in self._streams:
+            stream.last_ns = 0
+            if stream.counter is not None:
+                stream.counter.newest = None
 
     def feed(self, frames: Sequence[can.Message], oldest_ns: int = 0) -> list[Cycle]:
         """Process frames in order of reception; returns the cycles that they complete or close.
@@ -167,9 +254,9 @@ class CycleAssembler:
         return cycles
 
     def flush(self, now_ns: int) -> list[Cycle]:
-        """Close the open cycle if a period has passed at ``now_ns`` (clock of the frames); returns it.
+        """Close the open cycle if none of the frames after its end was received by ``now_ns``; returns it.
 
-        That is half a period after the last frame of the cycle, which may have been read late.
+        ``now_ns`` is of the clock of the frames. The last frames may be delayed, or read late.
         """
         if self.remaining_ns(now_ns) == 0:
             self._close()
@@ -177,94 +264,137 @@ class CycleAssembler:
 
     def remaining_ns(self, now_ns: int) -> int | None:
         """Time from ``now_ns`` until the open cycle is flushed, ns; ``None`` if none is open."""
-        period_ns = self.period_ns or LONGEST_PERIOD_NS
-        elapsed_ns = abs(now_ns - self._first_ns)  # negative after a step of the clock
-        return max(0, period_ns - elapsed_ns) if self._is_open else None
+        if not self._is_open:
+            return None
+        silence_ns = FLUSHED * self.period_ns
+        remaining_ns = self._cut_ns + self._delay_ns + silence_ns - now_ns
+        is_near = 0 < remaining_ns <= silence_ns + 2 * self.period_ns  # else the clock was set back
+        return remaining_ns if is_near else 0
 
     def _take(self, frame: can.Message) -> FrameKind:
         """Use a frame; returns its kind, or the reason why it is not used."""
-        kind, slot, counter = self._protocol.classify(frame)
+        kind, slot, value = self._protocol.classify(frame)
         if kind:
             if kind != FrameKind.ERROR:
                 self.counts.misfits[slot] = frame
             return kind
-        cell, bit, place = self._slots[slot]
+        stream = self._streams[slot]
         stamp_ns = int(frame.timestamp * 1e9)
-        if self._is_open and self.period_ns and 2 * abs(stamp_ns - self._first_ns) > self.period_ns:
-            self._close()
-        if not cell.is_open or cell.counter != counter or cell.have & bit:
-            kind = self._begin_sample(cell, bit, counter, stamp_ns)
-            if kind:
-                cell.counts.jumps += 1
-                return kind
-        cell.have |= bit
-        cell.counts.last_ns = stamp_ns
-        self._data[place] = frame.data
-        self._awaited -= 1
-        if not self._awaited:
-            self._close()
+        gap_ns = stamp_ns - self._last_ns
+        if not 0 <= gap_ns <= PAUSE_NS:
+            self.reset()
+        samples = 1
+        if stream.counter is not None and not stream.counter.follows(value):
+            samples = self._advance(stream, stream.counter, value, stamp_ns)
+            if samples <= 0:
+                return FrameKind.OUT_OF_ORDER if samples else FrameKind.DUPLICATE
+        stream.sequence += samples
+        if stream.last_ns:
+            self._measure(stream, (stamp_ns - stream.last_ns) / samples, stamp_ns)
+            due_ns = stream.sent_ns + round(samples * stream.period_ns)
+            self._note_delay(stamp_ns - due_ns, gap_ns, stream.period_ns * TOLERANCE)
+        stream.last_ns = stream.cell.counts.last_ns = self._last_ns = stamp_ns
+        stream.sent_ns = sent_ns = stamp_ns - self._delay_ns
+        gap_ns, self._sent_ns = sent_ns - self._sent_ns, sent_ns
+        if self.period_ns and not self._cut_ns - 2 * self.period_ns <= sent_ns < self._cut_ns:
+            self._pass_cut(sent_ns, gap_ns)
+        elif self._gap_ns < gap_ns <= PAUSE_NS:
+            self._gap_ns, self._middle_ns = gap_ns, sent_ns - gap_ns // 2
+        if self.period_ns and self._is_aligned:
+            self._place(stream, frame, value, samples)
         return FrameKind.DATA
 
-    def _begin_sample(self, cell: _LoadCell, bit: int, counter: int, stamp_ns: int) -> FrameKind:
-        """Begin a sample, in the open cycle or a new one; returns the reason if the frame begins none."""
-        advance = 1
-        if cell.counter is None:
-            advance = (counter - cell.sequence) % (cell.span or 1)
-        elif cell.span:
-            # The other load cells count the cycles during a silence that is longer than the counter's span.
-            earliest = self._number - cell.cycle - min(MAX_LATE, cell.span // 4)
-            advance = earliest + (counter - cell.counter - earliest) % cell.span
-            if advance <= 0:
-                return FrameKind.OUT_OF_ORDER if advance or not cell.have & bit else FrameKind.DUPLICATE
-            advance = self._count(cell, advance)
-        if cell.counter is not None and advance == 1:
-            self._estimate_period(stamp_ns - cell.began_ns)
-        if cell.is_open:
-            self._close()
+    def _advance(self, stream: _Stream, counter: RollingCounter, value: int, stamp_ns: int) -> int:
+        """Samples by which a frame is ahead of the newest of its message; counts those between as lost."""
+        if counter.newest is None:
+            counter.advance(value, 1.0)
+            return (value - stream.sequence) % counter.span or counter.span
+        counts, jumps = stream.cell.counts, counter.jumps
+        elapsed_ns = max(stamp_ns - stream.last_ns, (self._number - stream.cycle) * self.period_ns)
+        samples = counter.advance(value, elapsed_ns / (stream.period_ns or self.period_ns or elapsed_ns or 1))
+        counts.drops += max(0, samples - 1)
+        counts.jumps += counter.jumps - jumps
+        counts.counter = counter.problem
+        return samples
+
+    def _measure(self, stream: _Stream, interval_ns: float, stamp_ns: int) -> None:
+        """Estimate the period of a message, and of the cycles, from the time between two samples."""
+        stream.intervals.append(interval_ns)
+        stream.measured += 1
+        if stream.measured > 16 and stream.measured % 16:
+            return
+        stream.period_ns = max(_usual(stream.intervals), SHORTEST_PERIOD_NS)
+        if self._is_estimated:
+            sending = [
+                one.period_ns
+                for one in self._streams
+                if one.period_ns and stamp_ns - one.last_ns < INTERVALS * one.period_ns
+            ]
+            self.period_ns = round(min(*sending, stream.period_ns, LONGEST_PERIOD_NS))
+        ratio = stream.period_ns / self.period_ns
+        stream.cell.counts.cycles_per_sample = ratio if ratio > 1.05 else 1.0
+
+    def _note_delay(self, late_ns: int, gap_ns: int, tolerance_ns: float) -> None:
+        """Follow the delay of the whole bus with a frame that is late by ``late_ns`` if none was lost.
+
+        It grows if no frame was received meanwhile, else frames were lost. Then it shrinks with each frame.
+        """
+        change_ns = late_ns - self._delay_ns
+        if change_ns < -tolerance_ns or tolerance_ns < change_ns <= gap_ns:
+            self._delay_ns = max(0, late_ns)
+
+    def _place(self, stream: _Stream, frame: can.Message, value: int, samples: int) -> None:
+        """Use a frame in the open cycle, or in a new one."""
+        if self._is_open and stream.cycle == self._number:  # its next sample
+            if self._awaited or stream.cell not in self._torn:
+                self._close()
+            else:  # the frame before was late
+                self.counts.frames[FrameKind.DATA] -= 1
+                self.counts.frames[FrameKind.OUT_OF_ORDER] += 1
+                stream.cell.counts.drops += 1
+                self._awaited = 1
         if not self._is_open:
             self._is_open = True
             self._number += 1
-            self._first_ns = stamp_ns
-            self._awaited = len(self._slots)
-        cell.sent = 0 if cell.counter is None else cell.parts
-        cell.counter, cell.cycle, cell.began_ns = counter, self._number, stamp_ns
-        cell.sequence += advance
-        cell.have, cell.is_open = 0, True
-        return FrameKind.DATA
+            self._first_ns = self._last_ns
+            self._awaited = len(self._streams)
+        stream.cycle, stream.value, stream.samples = self._number, value, samples
+        self._data[stream.place] = frame.data
+        self._awaited -= 1
+        if not self._awaited:
+            self._torn = [cell for cell in self._paired if cell.leads()]
+            if not self._torn:  # else the right frames can still come
+                self._close()
 
-    def _count(self, cell: _LoadCell, advance: int) -> int:
-        """Count what was lost before a sample; returns the advance of its counter, 1 after a restart."""
-        counts = cell.counts
-        counts.jumps += advance > 1
-        if advance - (self._number - cell.cycle) > MAX_LOST:
-            counts.restarts += 1
-            return 1
-        counts.drops += (advance - 1) * cell.parts + max(0, cell.sent - cell.have.bit_count())
-        return advance
-
-    def _estimate_period(self, elapsed_ns: int) -> None:
-        """Update the period with the time between two samples of a load cell, one after the other."""
-        if not self._is_estimated or elapsed_ns < 0:
-            return
-        # A delayed sample counts as at most twice the period.
-        elapsed_ns = min(elapsed_ns, 2 * self.period_ns or LONGEST_PERIOD_NS)
-        change_ns = (elapsed_ns - self.period_ns) // 8 if self.period_ns else elapsed_ns
-        self.period_ns = max(self.period_ns + change_ns, SHORTEST_PERIOD_NS)
+    def _pass_cut(self, sent_ns: int, gap_ns: int) -> None:
+        """Close the cycle with a first frame behind its end, and find the next end."""
+        self._close()
+        period_ns = self.period_ns
+        gap_ns = gap_ns if 0 <= gap_ns < period_ns else period_ns
+        passed, late_ns = divmod(sent_ns - self._cut_ns, period_ns)
+        if not passed:  # follow the middle of the gap
+            error_ns = late_ns - gap_ns // 2
+            self._cut_ns += period_ns + max(-period_ns, min(period_ns, error_ns)) // 4
+        elif 0 < passed < RELIABLE:
+            self._cut_ns += (passed + 1) * period_ns
+        else:
+            self._cut_ns = sent_ns + period_ns - gap_ns // 2
+        self._confirmed = self._confirmed + 1 if self._gap_ns > LARGER * gap_ns else 0
+        self._is_aligned = self._confirmed < CONFIRMATIONS
+        if not self._is_aligned:
+            self._cut_ns = self._middle_ns + period_ns
+            self._confirmed = 0
+        self._gap_ns = 0
 
     def _close(self) -> None:
         if not self._is_open:
             return
         self._is_open = False
-        if self.period_ns:
-            self._cycles.append(self._cycle())
-        for cell in self._cells:
-            cell.is_open = False
-
-    def _cycle(self) -> Cycle:
-        """Decode the open cycle."""
+        if self._awaited:
+            self._torn = [cell for cell in self._paired if cell.is_whole(self._number) and cell.leads()]
         strain, status = self._protocol.decode(self._data)
         for p, cell in enumerate(self._cells):
-            if cell.is_open and cell.have == (1 << cell.parts) - 1:
+            if cell.is_whole(self._number) and (cell not in self._torn or cell.settle()):
                 cell.counts.samples += 1
             else:
                 cell.counts.missing += 1
@@ -277,5 +407,19 @@ class CycleAssembler:
                 cell.counts.saturated += bool(bits & SATURATED)
                 cell.counts.faults += bool(bits & FAULT)
         self.counts.cycles += 1
-        sequence = np.array([cell.sequence if cell.span else self._number for cell in self._cells])
-        return Cycle(self._first_ns, strain, status, sequence.astype(np.uint32))
+        first = [cell.streams[0] for cell in self._cells]
+        numbers = [stream.sequence if stream.counter else self._number for stream in first]
+        sequence = np.array(numbers).astype(np.uint32)
+        self._cycles.append(Cycle(self._first_ns, strain, status, sequence))
+
+
+def _usual(intervals: Sequence[float]) -> float:
+    """Usual interval: the mean of those near the median, without losses and delays.
+
+    If frames come in lumps the median is far from the mean, which is then the answer.
+    """
+    median, mean = sorted(intervals)[(len(intervals) - 1) // 2], sum(intervals) / len(intervals)
+    if not 0.5 * mean <= median <= 1.25 * mean:
+        return mean
+    near = [one for one in intervals if abs(one - median) <= 0.25 * median]
+    return sum(near) / len(near)

@@ -84,9 +84,18 @@ class LoadCellMessage:
         return dlc2len(len2dlc(self.definition.length))
 
     @property
-    def counter_span(self) -> int:
-        """Number of values of the counter, 0 without one."""
-        return 1 << self.counter.length if self.counter else 0
+    def counter_values(self) -> range:
+        """Values of the counter by the range in the DBC, or else by its bits; empty without a counter."""
+        if self.counter is None:
+            return range(0)
+        ends = (self.counter.minimum, self.counter.maximum)
+        least, most = (
+            None if end is None else (end - self.counter.offset) / self.counter.scale for end in ends
+        )
+        size = 1 << self.counter.length
+        if least is None or most is None or not 0 <= least < most < size:
+            return range(size)
+        return range(int(least), int(most) + 1)
 
 
 def compile_layout(
@@ -115,11 +124,6 @@ def compile_layout(
             for signal in (*contained.values(), by_name.get(counter), by_name.get(status)):
                 if signal is not None:
                     _check_signal(message, signal)
-        if len({message.counter_span for message in own}) > 1:
-            raise CanError(
-                f"phalanx {phalanx!r}: expected {counter!r} of one width in all of {_names(definitions)}, "
-                "or in none"
-            )
         if any(message.counter and message.counter.is_float for message in own):
             raise CanError(f"phalanx {phalanx!r}: expected an integer {counter!r}, found a float")
         found += own

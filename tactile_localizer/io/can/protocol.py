@@ -251,7 +251,8 @@ class LoadCellProtocol:
                 volts = np.clip(strain[column - first], self._lowest[column], self._highest[column])
                 values[gauge.name] = gauge.scaled_to_raw(float(volts / self._volts[column]))
             if message.counter:
-                values[message.counter.name] = sequence % message.counter_span
+                counts = message.counter_values
+                values[message.counter.name] = counts[sequence % len(counts)]
             if message.status:
                 values[message.status.name] = status
             data = message.definition.encode(values, scaling=False, strict=False)
@@ -271,7 +272,7 @@ def _shift_of(message: LoadCellMessage) -> tuple[Literal["little", "big"], int, 
     """Byte order, shift and mask of a message's counter; mask 0 without one."""
     if message.counter is None:
         return "little", 0, 0
-    mask = message.counter_span - 1
+    mask = (1 << message.counter.length) - 1
     lowest = bits_of(message.counter)[0]
     if message.counter.byte_order == "little_endian":
         return "little", lowest, mask

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -58,7 +59,7 @@ class DriverDiagnostics:
         totals |= {"cycles": counts.cycles, "drops": status.queue_drops}
         totals["clock jumps"] = status.clock.jumps if status.clock else 0
         for name, own in phalanges.items():
-            totals |= {(name, what): count for what, count in own.items()}
+            totals |= {(name, what): count for what, count in own.items() if isinstance(count, int)}
         new = self._increments.since(totals)
         stray, misfits, suspects = self._explain()
         return [
@@ -140,22 +141,26 @@ class DriverDiagnostics:
         return DiagnosticStatus.OK, text
 
     def _phalanx_status(
-        self, name: str, counts: dict[str, int], new: Mapping[Any, int], misfit: str, suspect: str
+        self, name: str, counts: dict[str, Any], new: Mapping[Any, int], misfit: str, suspect: str
     ) -> DiagnosticStatus:
-        new_of_phalanx = {what: new[name, what] for what in counts}
+        new_of_phalanx = {what: new[name, what] for what in counts if (name, what) in new}
         last_ns = counts.pop("last_ns")
         # Not until now: frames that wait in the queue are the reader's fault, not the phalanx's.
         age_s = max(0.0, (self._driver.read_ns - last_ns) * 1e-9) if last_ns else None
+        rate_hz = new_of_phalanx["samples"] / self._increments.elapsed_s
         values = {
-            "rate_hz": f"{new_of_phalanx['samples'] / self._increments.elapsed_s:.1f}",
+            "rate_hz": f"{rate_hz:.1f}",
             "age_s": "" if age_s is None else f"{age_s:.3f}",
             **counts,
+            "cycles_per_sample": f"{counts['cycles_per_sample']:.3g}",
         }
         if misfit and not new_of_phalanx["samples"] and (age_s or 0.0) < self._stale_timeout_s:
             return self._publisher.status(name, DiagnosticStatus.ERROR, misfit, values)
-        return self._publisher.status(name, *self._level(new_of_phalanx, age_s, suspect), values)
+        return self._publisher.status(name, *self._level(new_of_phalanx, age_s, suspect, counts), values)
 
-    def _level(self, new: Mapping[str, int], age_s: float | None, suspect: str) -> tuple[bytes, str]:
+    def _level(
+        self, new: Mapping[str, int], age_s: float | None, suspect: str, counts: Mapping[str, Any]
+    ) -> tuple[bytes, str]:
         """Level and message of a phalanx: the most severe problem since the previous status."""
         if age_s is None and self._driver.counts.cycles:
             return DiagnosticStatus.ERROR, "silent: no frames received, while other phalanges send"
@@ -166,16 +171,20 @@ class DriverDiagnostics:
         if new["faults"]:
             return DiagnosticStatus.ERROR, f"fault reported by the load cell: {suspect}"
         received = new["samples"] + new["missing"]
-        if new["saturated"]:
-            text = f"saturated: {suspect}"
-        elif new["restarts"]:
-            text = "the counter restarted: the load cell restarted, or another one has its identifiers"
-        elif new["jumps"] > max(_MIN_JUMPS, _JUMPS_FRACTION * received):
-            text = f"the counter jumped {new['jumps']} times: losses, or two load cells with its identifiers"
-        elif new["drops"]:
-            text = f"{new['drops']} frames lost"
-        elif new["missing"]:
-            text = f"missing in {new['missing']} of {received} cycles"
-        else:
-            return DiagnosticStatus.OK, "OK"
-        return DiagnosticStatus.WARN, text
+        counter, cycles_per_sample = counts["counter"], counts["cycles_per_sample"]
+        is_slow = cycles_per_sample > 1.0
+        expected = math.floor(received / cycles_per_sample) - is_slow  # samples, if none is missing
+        jumps = new["jumps"]
+        warnings = {
+            f"saturated: {suspect}": new["saturated"],
+            f"the counter {counter}: losses are not counted; set counter_signal to ''": counter,
+            f"the counter jumped {jumps} times: two load cells with its identifiers": jumps
+            > max(_MIN_JUMPS, _JUMPS_FRACTION * received),
+            "the counter restarted: the load cell restarted, or another one has its identifiers": jumps,
+            f"{new['drops']} frames lost": new["drops"],
+            f"missing in {new['missing']} of {received} cycles": new["samples"] < expected,
+        }
+        for text, holds in warnings.items():
+            if holds:
+                return DiagnosticStatus.WARN, text
+        return DiagnosticStatus.OK, f"OK, in one of {cycles_per_sample:.3g} cycles" if is_slow else "OK"

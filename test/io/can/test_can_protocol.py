@@ -346,7 +346,6 @@ BAD_DATABASES = {
     "a gauge twice": (CLASSIC.replace("gauge_8", "gauge_1"), "'gauge_1' once in index_a, index_b, found 2"),
     "newtons": (CLASSIC.replace('"V"', '"N"'), "unit of V, mV or uV, found 'N'"),
     "a scale of 0": (CLASSIC.replace("(0.00025,0)", "(0,0)"), "'gauge_1' .* scale other than 0"),
-    "one counter": (CLASSIC.replace("counter", "count", 3), "'counter' of one width in all"),
     "a float as counter": (HEAD + FLOAT_COUNTER, "expected an integer 'counter', found a float"),
     "one identifier": (CLASSIC.replace("BO_ 259", "BO_ 258"), "0x102: expected one message"),
     "the identifier of an unused message": (

@@ -1,0 +1,92 @@
+"""Load cells without a common clock: cycles are cut at the largest gap between their frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from tactile_localizer.io.can.assembler import Cycle, CycleAssembler
+from tactile_localizer.io.can.protocol import LoadCellProtocol
+
+T0_S = 1.7e9
+RATE_HZ = 50
+
+
+def hand(folder: Path, cells: int) -> LoadCellProtocol:
+    """Load cells of one gauge each, without counters; the strain is the number of the sample, V."""
+    text = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: hand\n\n'
+    for k in range(cells):
+        text += f'BO_ {256 + k} cell{k:02d}: 2 hand\n SG_ gauge_1 : 0|16@1- (1,0) [0|0] "V" hand\n\n'
+    (folder / "hand.dbc").write_text(text)
+    return LoadCellProtocol(folder / "hand.dbc", [f"cell{k:02d}" for k in range(cells)])
+
+
+def cycles_of(own: LoadCellProtocol, times_s: list[np.ndarray], lost: set[tuple[int, int]]) -> list[Cycle]:
+    """Cycles of load cells that send their samples at these times, but for (cell, sample) in ``lost``."""
+    sent = [(t, k, n) for k, own_s in enumerate(times_s) for n, t in enumerate(own_s) if (k, n) not in lost]
+    frames = [
+        can.Message(
+            timestamp=T0_S + t, arbitration_id=256 + k, is_extended_id=False, data=n.to_bytes(2, "little")
+        )
+        for t, k, n in sorted(sent)
+    ]
+    return CycleAssembler(own).feed(frames)
+
+
+def complete(cycles: list[Cycle]) -> list[Cycle]:
+    return [one for one in cycles if not one.status.any()]
+
+
+def clocks(cells: int, seed: int, duration_s: float, drift: float = 5e-5) -> list[np.ndarray]:
+    """Send times of load cells with arbitrary phases and clocks of their own, with jitter, s."""
+    rng = np.random.default_rng(seed)
+    number = np.arange(int(duration_s * RATE_HZ))
+    return [
+        (rng.uniform() + number * (1 + rng.uniform(-drift, drift))) / RATE_HZ
+        + rng.normal(0, 1e-4, len(number))
+        for _ in range(cells)
+    ]
+
+
+@pytest.mark.parametrize("cells", [1, 2, 3, 5, 8, 14])
+@pytest.mark.parametrize("seed", range(3))
+def test_cycles_are_complete_at_any_phases(tmp_path: Path, cells: int, seed: int) -> None:
+    cycles = cycles_of(hand(tmp_path, cells), clocks(cells, seed, 6.0), set())
+    assert len(complete(cycles)) >= 0.99 * 300
+    assert len(complete(cycles)) >= 0.99 * len(cycles)
+    assert all(np.ptp(one.strain) <= 2 for one in complete(cycles)), "of one period"
+
+
+@pytest.mark.parametrize("cells", [2, 5, 14])
+def test_phases_that_drift_through_each_other_are_followed(tmp_path: Path, cells: int) -> None:
+    cycles = cycles_of(hand(tmp_path, cells), clocks(cells, 7, 40.0, drift=1e-3), set())
+    assert len(complete(cycles)) >= 0.99 * len(cycles) > 0.98 * 40 * RATE_HZ
+
+
+@pytest.mark.parametrize("cells", [3, 14])
+def test_delays_of_the_whole_bus_neither_tear_nor_mix_cycles(tmp_path: Path, cells: int) -> None:
+    rng = np.random.default_rng(3)
+    times_s = clocks(cells, 2, 10.0)
+    for begin_s in np.arange(1.0, 10.0, 0.5):
+        end_s = begin_s + rng.uniform(0.005, 0.05)
+        times_s = [np.where((t > begin_s) & (t < end_s), end_s + 1e-3 * (t - begin_s), t) for t in times_s]
+    cycles = cycles_of(hand(tmp_path, cells), times_s, set())
+    assert len(complete(cycles)) >= 0.98 * len(cycles) > 0.97 * 500
+    spread = [int(np.ptp(one.strain)) for one in complete(cycles)]
+    assert len(set(spread)) == 1, "the same samples belong together before and after"
+
+
+@pytest.mark.parametrize("cell", range(4))
+def test_a_frame_lost_from_a_burst_does_not_mix_samples(tmp_path: Path, cell: int) -> None:
+    number = np.arange(200)
+    times_s = [number / RATE_HZ + 3e-4 * k for k in range(4)]
+    lost = {(cell, n) for n in range(20, 200, 7)}
+    cycles = cycles_of(hand(tmp_path, 4), times_s, lost)
+    found = [one.strain[np.isfinite(one.strain)] for one in cycles]
+    assert all(np.ptp(strain) == 0 for strain in found)
+    numbers = [int(strain[0]) for strain in found]
+    assert numbers == list(range(numbers[0], 200))
+    assert [len(strain) for strain in found] == [4 - ((cell, n) in lost) for n in numbers]
