@@ -217,7 +217,7 @@ class CycleAssembler:
         self.counts = BusCounts([cell.counts for cell in self._cells])
         self._protocol = protocol
         self._is_estimated = not period_s
-        self.period_ns = round(period_s * 1e9)  # 0: not estimated yet
+        self.period_ns = self._fastest_ns = round(period_s * 1e9)  # 0: not estimated yet
         self._data = bytearray(protocol.size)  # of the frames of the open cycle
         self._cycles: list[Cycle] = []  # closed, not yet returned
         self._is_open = False
@@ -307,11 +307,15 @@ class CycleAssembler:
     def _advance(self, stream: _Stream, counter: RollingCounter, value: int, stamp_ns: int) -> int:
         """Samples by which a frame is ahead of the newest of its message; counts those between as lost."""
         if counter.newest is None:
-            counter.advance(value, 1.0)
-            return (value - stream.sequence) % counter.span or counter.span
+            counter.advance(value, 1.0, 1.0)
+            stream.sequence += (value - stream.sequence) % counter.span - 1
+            return 1
         counts, jumps = stream.cell.counts, counter.jumps
-        elapsed_ns = max(stamp_ns - stream.last_ns, (self._number - stream.cycle) * self.period_ns)
-        samples = counter.advance(value, elapsed_ns / (stream.period_ns or self.period_ns or elapsed_ns or 1))
+        cycles = (self._number - stream.cycle) / counts.cycles_per_sample
+        elapsed_ns = stamp_ns - stream.last_ns
+        periods = elapsed_ns / (stream.period_ns or self._fastest_ns or elapsed_ns or 1)
+        # While the others send, their cycles are more exact than the time.
+        samples = counter.advance(value, cycles if cycles > 1 else periods, max(periods, cycles))
         counts.drops += max(0, samples - 1)
         counts.jumps += counter.jumps - jumps
         counts.counter = counter.problem
@@ -324,14 +328,15 @@ class CycleAssembler:
         if stream.measured > 16 and stream.measured % 16:
             return
         stream.period_ns = max(_usual(stream.intervals), SHORTEST_PERIOD_NS)
+        sending = [
+            one.period_ns
+            for one in self._streams
+            if one.period_ns and stamp_ns - one.last_ns < INTERVALS * one.period_ns
+        ]
+        self._fastest_ns = round(min(*sending, stream.period_ns, LONGEST_PERIOD_NS))
         if self._is_estimated:
-            sending = [
-                one.period_ns
-                for one in self._streams
-                if one.period_ns and stamp_ns - one.last_ns < INTERVALS * one.period_ns
-            ]
-            self.period_ns = round(min(*sending, stream.period_ns, LONGEST_PERIOD_NS))
-        ratio = stream.period_ns / self.period_ns
+            self.period_ns = self._fastest_ns
+        ratio = stream.period_ns / self._fastest_ns
         stream.cell.counts.cycles_per_sample = ratio if ratio > 1.05 else 1.0
 
     def _note_delay(self, late_ns: int, gap_ns: int, tolerance_ns: float) -> None:
@@ -358,6 +363,8 @@ class CycleAssembler:
             self._number += 1
             self._first_ns = self._last_ns
             self._awaited = len(self._streams)
+            if not self._is_estimated:  # the load cells may send more often, and irregularly
+                self._cut_ns = max(self._cut_ns, self._sent_ns + self.period_ns // 2)
         stream.cycle, stream.value, stream.samples = self._number, value, samples
         self._data[stream.place] = frame.data
         self._awaited -= 1

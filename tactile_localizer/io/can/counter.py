@@ -53,17 +53,22 @@ class RollingCounter:
         self._unusual.clear()
         return True
 
-    def advance(self, value: int, periods: float) -> int:
+    def advance(self, value: int, expected: float, longest: float) -> int:
         """Samples by which a frame is ahead of the newest; if it is, it is the newest from now on.
 
         More than one: the samples between were lost. 0: repeated. Negative: of an earlier sample.
-        ``periods`` is the time since the newest frame in periods of the samples, which bounds the losses.
+
+        Parameters
+        ----------
+        value : of the frame
+        expected : number of samples since the newest frame, which tells how often the counter wrapped
+        longest : number of samples that can have been sent since then; what exceeds it is not lost
         """
         if self.newest is None:
             self.newest = value
             self._note_ends(value)
             return 1
-        samples = self._judge(value, periods)
+        samples = self._judge(value, expected, longest)
         if samples > 0:
             self.newest = value
         return samples
@@ -73,12 +78,12 @@ class RollingCounter:
         half = self.span // 2
         return due + (value - other - due + half) % self.span - half
 
-    def _judge(self, value: int, periods: float) -> int:
+    def _judge(self, value: int, expected: float, longest: float) -> int:
         assert self.newest is not None
         step = self.step or 1
-        ahead = self.ahead_of(value, self.newest, round(periods) * step)
+        ahead = self.ahead_of(value, self.newest, round(expected) * step)
         samples = round(ahead / step)
-        if self.step and _is_multiple(ahead, step) and 1 <= samples <= max(1.0, 1.05 * periods + 0.5):
+        if self.step and _is_multiple(ahead, step) and 1 <= samples <= max(1.0, 1.05 * longest + 0.5):
             self.is_sure |= samples == 1
             if samples == 1 or ahead not in self._unusual:
                 self._unusual.clear()
@@ -86,19 +91,19 @@ class RollingCounter:
                 self._add_unusual(ahead)  # the same loss again and again is the usual advance
             return samples
         is_late = self.is_sure and -min(MAX_LATE * step, self.span // 4) <= ahead <= 0
-        if not is_late and self._wraps(value, periods):
+        if not is_late and self._wraps(value, longest):
             return 1
         self.jumps += self.is_sure and not is_late
         self._add_unusual(ahead)
         return samples if is_late else 1
 
-    def _wraps(self, value: int, periods: float) -> bool:
+    def _wraps(self, value: int, longest: float) -> bool:
         """Whether the counter began again with its lowest value after its highest, in time."""
         assert self.newest is not None
         lowest, highest = self._lowest, max(self._highest, self.newest)
         self._note_ends(value)
         at_ends = value < lowest + self.step and self.newest > highest - self.step
-        if not at_ends or self.newest - value < _LEARNED_FROM * self.step - 1 or periods >= 1.5:
+        if not at_ends or self.newest - value < _LEARNED_FROM * self.step - 1 or longest >= 1.5:
             return False
         if self.step < _SHORTEST_TIMER:
             self.span = self.newest + self.step - value
