@@ -33,8 +33,11 @@ TOLERANCE = 1 / 16
 INTERVALS = 64
 """Number of intervals from which the period of a message is estimated."""
 
+SLOW = 1.2
+"""Ratio of the periods from which a load cell is reported to be slower than the fastest one."""
+
 LARGER = 1.5
-"""Ratio from which a gap between frames is larger than that of the cut."""
+"""Ratio from which a gap between frames is larger than that of the cut, or a period is certainly longer."""
 
 FLUSHED = 3
 """Number of periods of silence after which an open cycle is closed."""
@@ -311,7 +314,9 @@ class CycleAssembler:
             stream.sequence += (value - stream.sequence) % counter.span - 1
             return 1
         counts, jumps = stream.cell.counts, counter.jumps
-        cycles = (self._number - stream.cycle) / counts.cycles_per_sample
+        cycles: float = self._number - stream.cycle
+        if counts.cycles_per_sample > LARGER:  # else the same rate, estimated irregularly
+            cycles /= counts.cycles_per_sample
         elapsed_ns = stamp_ns - stream.last_ns
         periods = elapsed_ns / (stream.period_ns or self._fastest_ns or elapsed_ns or 1)
         # While the others send, their cycles are more exact than the time.
@@ -337,7 +342,7 @@ class CycleAssembler:
         if self._is_estimated:
             self.period_ns = self._fastest_ns
         ratio = stream.period_ns / self._fastest_ns
-        stream.cell.counts.cycles_per_sample = ratio if ratio > 1.05 else 1.0
+        stream.cell.counts.cycles_per_sample = ratio if ratio > SLOW else 1.0
 
     def _note_delay(self, late_ns: int, gap_ns: int, tolerance_ns: float) -> None:
         """Follow the delay of the whole bus with a frame that is late by ``late_ns`` if none was lost.
