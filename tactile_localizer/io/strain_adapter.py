@@ -51,7 +51,8 @@ class StrainSource:
     ----------
     phalanx : name of the phalanx
     topic, kind : topic and type of the messages
-    field : field of the values, with dots between nested fields; of an array of messages, that of each
+    field : field of the values, with dots between nested fields; of an array of messages, that of each, or
+        of one, whose number from 0 stands in place of a name
     channels : number of channels
     scale : factor to the unit of the scan
     """
@@ -77,7 +78,7 @@ class StrainSource:
                 (wrench,) = found
                 found = [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"]
             values = self.scale * np.hstack([[], *found]).astype(np.float64)
-        except (AttributeError, TypeError, ValueError):
+        except (AttributeError, IndexError, TypeError, ValueError):
             raise MeasurementError(f"{self.topic}: expected numbers in field {self.field}") from None
         if len(values) != self.channels:
             text = f"expected {self.channels} channels for phalanx {self.phalanx}, got {len(values)}"
@@ -86,11 +87,11 @@ class StrainSource:
 
 
 def _values(value: Any, names: Sequence[str]) -> list[Any]:
-    """Values of a nested field, of every element where there are arrays of messages."""
+    """Values of a nested field, of every element of an array of messages, or of the one with a number."""
     for depth, name in enumerate(names):
-        if isinstance(value, list):
+        if isinstance(value, list) and not name.isdecimal():
             return [found for each in value for found in _values(each, names[depth:])]
-        value = getattr(value, name)
+        value = value[int(name)] if name.isdecimal() else getattr(value, name)
     return [value]
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 from collections import Counter
 from functools import partial
+from itertools import filterfalse
 from typing import Any
 
 import numpy as np
@@ -111,7 +112,7 @@ def message_type(source: StrainSource) -> Any:
         raise ParameterError(f"type {source.kind}: expected an installed message type, found none") from None
     inner: Any = kind
     try:
-        for field in source.field.split("."):
+        for field in filterfalse(str.isdecimal, source.field.split(".")):
             slot: Any = dict(zip(inner.get_fields_and_field_types(), inner.SLOT_TYPES, strict=True))[field]
             slot = getattr(slot, "value_type", slot)  # of an array
             if hasattr(slot, "namespaces"):  # a message

@@ -43,22 +43,24 @@ def test_an_array_is_found_by_its_nested_field():
 
 
 def test_a_field_of_each_element_of_an_array_is_a_channel():
-    """As drivers of skins publish it: an array of sensors, each with an array of taxels or a vector."""
-    rows = [
-        Message(taxels=[Message(force=Message(x=0.0, z=10.0 * row + k)) for k in range(2)])
-        for row in range(3)
-    ]
-    made = adapter(
-        index={"topic": "a", "type": "own/msg/Skin", "field": "rows.taxels.force.z", "channels": 6}
-    )
-    assert made.feed("a", Message(rows=rows), 1).strain.tolist() == [0, 1, 10, 11, 20, 21]
-    rows = [Message(values=np.arange(2.0) + row) for row in range(2)] + [Message(values=[7.0])]
-    made = adapter(index={"topic": "a", "type": "own/msg/Skin", "field": "rows.values", "channels": 5})
-    assert made.feed("a", Message(rows=rows), 1).strain.tolist() == [0, 1, 1, 2, 7]
+    """As drivers of skins publish it: an array of sensors, each with an array of taxels."""
+
+    def fed(field, channels, rows):
+        entry = {"topic": "a", "type": "own/msg/Skin", "field": field, "channels": channels}
+        return adapter(index=entry).feed("a", Message(rows=rows), 1).strain.tolist()
+
+    vectors = [[Message(force=Message(x=0.0, z=10.0 * row + k)) for k in range(2)] for row in range(3)]
+    rows = [Message(taxels=taxels) for taxels in vectors]
+    assert fed("rows.taxels.force.z", 6, rows) == [0, 1, 10, 11, 20, 21]
+    assert fed("rows.2.taxels.force.z", 2, rows) == [20, 21]
+    assert fed("rows.taxels.1.force.z", 3, rows) == [1, 11, 21]
+    arrays = [Message(values=np.arange(2.0) + row) for row in range(2)] + [Message(values=[7.0])]
+    assert fed("rows.values", 5, arrays) == [0, 1, 1, 2, 7]
     with pytest.raises(MeasurementError, match="expected 5 channels for phalanx index, got 0"):
-        made.feed("a", Message(rows=[]), 2)
-    with pytest.raises(MeasurementError, match=r"expected numbers in field rows\.values"):
-        made.feed("a", Message(rows=[Message(value=1.0)]), 3)
+        fed("rows.values", 5, [])
+    for field in ("rows.value", "rows.3.values", "rows.values.x"):
+        with pytest.raises(MeasurementError, match=f"expected numbers in field {field}"):
+            fed(field, 5, arrays)
 
 
 def test_other_phalanges_contribute_recent_values():

@@ -140,20 +140,22 @@ def _decoder(path: Path, topic: Topic, definitions: str | Path | None) -> Callab
     The definition in the bag is used, whose types differ between releases; what it lacks is that of
     ``definitions``, or of ROS 2 and this package.
     """
+    reason = "none, as in all bags of Foxy and Humble"
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(_types_in(topic) if topic.definition else {})
         store.get_msgdef(topic.kind)
     except Exception as error:  # as above, and KeyError: a type is not defined
-        reason = _one_line(error) if topic.definition else "none, as in all bags of Foxy and Humble"
-        known = typestore().fielddefs | _types_below(definitions, topic.kind)
-        if topic.kind not in known:
-            raise ScanError(
-                f"{path} topic {absolute(topic.name)}: expected a definition of {topic.kind} in the bag, "
-                f"found {reason}; --definitions FOLDER reads .msg files"
-            ) from None
+        reason = _one_line(error) if topic.definition else reason
         store = get_typestore(Stores.EMPTY)
-        store.register(known)
+        store.register(typestore().fielddefs | _types_below(definitions, topic.kind))
+    try:
+        store.get_msgdef(topic.kind)
+    except KeyError as missing:
+        expected = f"a definition of {missing.args[0]} in the bag"
+        advice = "--definitions FOLDER reads .msg files"
+        where = f"{path} topic {absolute(topic.name)}"
+        raise ScanError(f"{where}: expected {expected}, found {reason}; {advice}") from None
 
     def decode(raw: bytes) -> Any:
         if raw[:4] == _ZSTD:

@@ -11,7 +11,7 @@ import sqlite3
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO, NamedTuple
@@ -20,11 +20,13 @@ import yaml
 import zstandard
 from mcap.reader import NonSeekingReader, make_reader
 
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ScanError, listed
 from tactile_localizer.io.recording import BAG_EXTENSIONS
 from tactile_localizer.io.whole_file import open_file
 
 _METADATA = "metadata.yaml"
+_PART = re.compile(r"(.*)_(\d+)\.[^_]*")
+"""Name of a file of a bag in parts, which rosbag2 numbers."""
 _JUMP_NS = 500_000_000
 """ns by which a time of receipt is earlier than the one before in its topic where the clock was set back."""
 _LOG_HEADER_BYTES, _PAGE_HEADER_BYTES = 32, 24
@@ -77,28 +79,42 @@ def read_storage(path: Path, is_wanted: IsWanted) -> Contents:
     Exception
         The bag is damaged or incomplete; the libraries raise many types.
     """
-    files, promised = _files(path) if path.is_dir() else ([path], {})
+    files, promised, missing = _files(path) if path.is_dir() else ([path], {}, [])
     read = [_read_file(file, is_wanted) for file in files]
     topics, messages, notes = (list(chain.from_iterable(each)) for each in zip(*read, strict=True))
     _require_all(promised, messages, is_wanted)
-    return Contents(topics, _in_order(messages), notes)
+    return Contents(topics, _in_order(messages), missing + notes)
 
 
-def _files(folder: Path) -> tuple[list[Path], dict[str, int]]:
-    """Files of a bag in their order, and the numbers of messages by topic that the metadata promise."""
-    if not (folder / _METADATA).is_file():
-        found = [path for path in folder.iterdir() if path.name.endswith(BAG_EXTENSIONS)]
-        if not found:
-            raise ScanError(f"{folder}: expected a bag (*.mcap, *.db3, or a folder of them), found none")
-        return sorted(found, key=lambda path: [int(number) for number in re.findall(r"\d+", path.name)]), {}
+def _files(folder: Path) -> tuple[list[Path], dict[str, int], list[str]]:
+    """Files of a bag in their order, numbers of messages by topic that the metadata promise, and notes."""
+    there = [path for path in folder.iterdir() if path.name.endswith(BAG_EXTENSIONS)]
+    there.sort(key=lambda path: ([int(number) for number in re.findall(r"\d+", path.name)], path.name))
+    if (folder / _METADATA).is_file():
+        names, promised = _metadata(folder / _METADATA)
+        others = [path.name for path in there if path.name not in names]
+        notes = [f"{_METADATA} does not name {listed(others)}: left out"] if others else []
+        return [folder / name for name in names], promised, notes
+    if not there:
+        raise ScanError(f"{folder}: expected a bag (*.mcap, *.db3, or a folder of them), found none")
+    parts = filter(None, (_PART.fullmatch(path.name) for path in there))
+    notes = [
+        f"there is no file between {one[0]} and {other[0]}"
+        for one, other in pairwise(parts)
+        if one[1] == other[1] and int(other[2]) > int(one[2]) + 1
+    ]
+    return there, {}, notes
+
+
+def _metadata(path: Path) -> tuple[list[str], dict[str, int]]:
+    """Names of the files, and numbers of messages by topic."""
     try:
-        about = yaml.safe_load((folder / _METADATA).read_bytes())["rosbag2_bagfile_information"]
+        about = yaml.safe_load(path.read_bytes())["rosbag2_bagfile_information"]
         names = [PurePath(name).name for name in about["relative_file_paths"]]
         counts = about["topics_with_message_count"]
-        promised = {each["topic_metadata"]["name"]: int(each["message_count"]) for each in counts}
+        return names, {each["topic_metadata"]["name"]: int(each["message_count"]) for each in counts}
     except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError):
-        raise ValueError(f"{_METADATA} is damaged; remove it, and the files are read without") from None
-    return [folder / name for name in names], promised
+        raise ValueError(f"{path.name} is damaged; remove it, and the files are read without") from None
 
 
 def _require_all(promised: Mapping[str, int], messages: Sequence[Message], is_wanted: IsWanted) -> None:

@@ -122,6 +122,19 @@ def test_a_folder_without_metadata_is_its_files_in_order(tmp_path, storage):
     assert_whole(folder)
 
 
+def test_a_part_that_is_missing_or_not_named_is_noted(tmp_path):
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    for part in (0, 1, 2):
+        bag = write_bag(tmp_path / f"part_{part}", slide(400 * part, 400 * part + 400))
+        shutil.copy(file_of(bag), folder / f"bag_{part}.mcap")
+    (folder / "bag_1.mcap").unlink()
+    assert read_bag(folder, SCENE).notes == ("there is no file between bag_0.mcap and bag_2.mcap",)
+    whole = write_bag(tmp_path / "whole", slide(0, 1000))
+    shutil.copy(folder / "bag_0.mcap", whole / "whole_1.mcap")
+    assert read_bag(whole, SCENE).notes == ("metadata.yaml does not name whole_1.mcap: left out",)
+
+
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_a_compressed_file_is_read_without_its_metadata(tmp_path, storage):
     file = file_of(write_bag(tmp_path / "bag", slide(0, 1000), storage, "file"))
@@ -254,6 +267,8 @@ def test_definitions_that_a_bag_lacks_are_read_from_a_folder(tmp_path, folder):
     files = tmp_path / "ws" / folder
     files.mkdir(parents=True)
     (files / "Skin.msg").write_text(SKIN)
+    with pytest.raises(ScanError, match=r"expected a definition of skin_msgs/msg/Pad in the bag, found none"):
+        read_bag(bag, PADS, adapter=adapter, definitions=tmp_path / "ws")
     (files / "Pad.msg").write_text(PAD)
     assert_pads(read_bag(bag, PADS, adapter=adapter, definitions=tmp_path / "ws"))
     (files / "Pad.msg").write_text("float32 [fx\n")
