@@ -150,27 +150,19 @@ def _resolve(messages: Mapping[str, Message], reference: str) -> Message:
 
 def _check(name: str, blocks: Blocks) -> None:
     """Refuse what a parser does not look at, and sizes that it must not see."""
-    named = [block for other, block in blocks if other == name]
-    keys = [f"0x{int(block['number']) & 0x1FFFFFFF:X}" for block in named]
-    if len(named) > 1:
-        raise CanError(f"message {name!r}: expected it once in the DBC, found it with {' and '.join(keys)}")
-    same = [other for other, block in blocks if block["number"] == named[0]["number"]]
+    lines = next(block for other, block in blocks if other == name)
+    same = [(other, one) for other, one in blocks if other == name or one["number"] == lines["number"]]
     if len(same) > 1:
-        raise CanError(f"frame {keys[0]}: expected one message in the DBC, found {', '.join(same)}")
-    if float(named[0]["length"]) > MAX_BYTES:
-        raise CanError(
-            f"message {name!r}: expected at most {MAX_BYTES} bytes, found {named[0]['length']:.20}"
-        )
-    signals = _SIGNAL.findall(named[0][0])
-    for signal, start, length in signals:
+        found = ", ".join(f"{other} 0x{int(one['number']) & 0x1FFFFFFF:X}" for other, one in same)
+        raise CanError(f"message {name!r}: expected its name and identifier once in the DBC, found {found}")
+    if float(lines["length"]) > MAX_BYTES:
+        raise CanError(f"message {name!r}: expected at most {MAX_BYTES} bytes, found {lines['length']:.20}")
+    for signal, start, length in _SIGNAL.findall(lines[0]):
         if not (0 <= float(start) < 8 * MAX_BYTES and 0 < float(length) <= 8 * MAX_BYTES):
             raise CanError(
                 f"signal {signal!r} of {name}: expected 1 to {8 * MAX_BYTES} bits within a frame, found "
                 f"{length:.20} from bit {start:.20} on"
             )
-        count = [other for other, *_ in signals].count(signal)
-        if count > 1:
-            raise CanError(f"signal {signal!r} of {name}: expected it once, found it {count} times")
 
 
 def _check_types(plain: str, blocks: Blocks, messages: Sequence[Message]) -> None:

@@ -347,18 +347,21 @@ BAD_DATABASES = {
     "newtons": (CLASSIC.replace('"V"', '"N"'), "unit of V, mV or uV, found 'N'"),
     "a scale of 0": (CLASSIC.replace("(0.00025,0)", "(0,0)"), "'gauge_1' .* scale other than 0"),
     "a float as counter": (HEAD + FLOAT_COUNTER, "expected an integer 'counter', found a float"),
-    "one identifier": (CLASSIC.replace("BO_ 259", "BO_ 258"), "0x102: expected one message"),
+    "one identifier": (
+        CLASSIC.replace("BO_ 259", "BO_ 258"),
+        "'index_a'.* found index_a 0x102, index_b 0x102",
+    ),
     "the identifier of an unused message": (
         CLASSIC.replace("BO_ 260 ", "BO_ 258 "),
-        "0x102: expected one message in the DBC, found index_a, middle_a",
+        "expected its name and identifier once in the DBC, found index_a 0x102, middle_a 0x102",
     ),
     "a name twice": (
         CLASSIC.replace("middle_a", "index_a"),
-        "'index_a': expected it once in the DBC, found it with 0x102 and 0x104",
+        "'index_a': expected its name and .* found index_a 0x102, index_a 0x104",
     ),
     "a counter twice": (
         CLASSIC.replace("status :", "counter :"),
-        "'counter' of index_a: expected it once, found it 2 times",
+        "counter and counter are overlapping in message index_a",
     ),
     "overlapping signals": (
         CLASSIC.replace("gauge_2 : 14", "gauge_2 : 10"),
