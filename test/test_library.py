@@ -52,6 +52,20 @@ def test_the_readmes_six_lines_are_the_exact_replay(recorded, capsys):
     assert done.stdout == f"true {truth} error {mean - truth} {each['reason']}\n"
 
 
+def test_a_recording_and_its_replay_go_to_pandas_in_ten_lines(recorded, monkeypatch):
+    pd = pytest.importorskip("pandas")
+    monkeypatch.chdir(recorded)
+    (block,) = re.findall(r"### To pandas\n\n((?:(?:    .*)?\n)+)", (ROOT / "docs/offline.md").read_text())
+    code = re.sub(r"(?m)^    ", "", block)
+    assert len([line for line in code.splitlines() if line]) <= 10
+    assert main(["replay", "test.csv.gz", "--scan", "bump_scan", "--json", "out.json"]) == 0
+    made = {}
+    exec(code.replace("print(", "found = ("), made)
+    assert isinstance(made["found"], pd.DataFrame)
+    assert made["found"]["error_m"].notna().sum() == 18
+    assert made["found"].columns[-1] == 15, "the last of 16 channels"
+
+
 def test_the_package_docstring_shows_the_same_example():
     of_readme = example((ROOT / "README.md").read_text())
     assert example(tactile_localizer.__doc__ + "\n").strip() == of_readme.strip()

@@ -17,6 +17,7 @@ from typing import Any
 
 from tactile_localizer import __version__
 from tactile_localizer.errors import TactileLocalizerError, did_you_mean
+from tactile_localizer.io.scans import FORMAT
 
 COMMANDS: dict[str, str] = {
     "demo": "scan a simulated feature and localize on it with all ROS 2 nodes running",
@@ -94,7 +95,8 @@ def command_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
+    version = f"%(prog)s {__version__}, scan format {FORMAT}"
+    parser.add_argument("--version", action="version", version=version)
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for name, text in COMMANDS.items():
         subparser = subparsers.add_parser(name, help=text, description=f"{text[:1].upper()}{text[1:]}.")

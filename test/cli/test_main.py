@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tactile_localizer import __version__, cli
+from tactile_localizer.io.scans import FORMAT
 
 
 @pytest.fixture
@@ -57,7 +58,7 @@ def test_the_version_is_the_packages(capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit) as end:
         cli.main(["--version"])
     assert end.value.code == 0
-    assert capsys.readouterr().out == f"tactile-localizer {__version__}\n"
+    assert capsys.readouterr().out == f"tactile-localizer {__version__}, scan format {FORMAT}\n"
 
 
 def test_every_subcommand_explains_itself(capsys: pytest.CaptureFixture) -> None:

@@ -6,6 +6,7 @@ import pytest
 from tactile_localizer import __version__
 from tactile_localizer.cli import main
 from tactile_localizer.io.recording import RecordedSweep
+from tactile_localizer.io.scans import FORMAT
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -48,7 +49,7 @@ def test_info_prints_totals_history_and_findings(scan, capsys):
         "sheet: x 0 to 0.05, y 0 to 0.01",
         "index (8 channels), middle (8 channels), strain in V",
         "1700000010.0 to 1700000055.0 s",
-        rf"test: version {__version__}, files ['a\nb.csv']",
+        rf"test: version {__version__}, format {FORMAT}, files ['a\nb.csv']",
         r"one \x1b[31mnote",
         "sweep_0004.npy: could not be read, found a directory; the sweep is not used",
     ):

@@ -17,6 +17,7 @@ from tactile_localizer import __version__
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import SCENE_OF_SCAN as SCENE
 from tactile_localizer.io.recording import RecordedSweep
+from tactile_localizer.io.scans import FORMAT
 from tactile_localizer.io.scans.folder import DROPPED, HISTORY, ScanFolder
 from tactile_localizer.io.scans.sweep_files import OpenSweep
 from tactile_localizer.io.scene_file import require_same_scene, save_scene, scene_to_dict
@@ -111,7 +112,7 @@ class ScanWriter(ScanFolder):
             The line cannot be written.
         """
         at = datetime.now(timezone.utc).isoformat(timespec="seconds")
-        entry = {"at": at, "what": what, "version": __version__, **detail}
+        entry = {"at": at, "what": what, "version": __version__, "format": FORMAT, **detail}
         with writing(self.path / HISTORY):
             os.write(self._history, json.dumps(entry).encode() + b"\n")
 
