@@ -121,9 +121,12 @@ def compile_layout(
             by_name = {signal.name: signal for signal in message.signals}
             contained = {column: signal for column, (of, signal) in gauges if of is message}
             own.append(LoadCellMessage(message, index, contained, by_name.get(counter), by_name.get(status)))
-            for signal in (*contained.values(), by_name.get(counter), by_name.get(status)):
-                if signal is not None:
-                    _check_signal(message, signal)
+            for gauge in contained.values():
+                if gauge.unit not in VOLTS:
+                    where = f"signal {gauge.name!r} of {message.name}"
+                    raise CanError(f"{where}: expected a unit of V, mV or uV, found {gauge.unit!r}")
+            for signal in filter(None, (*contained.values(), by_name.get(counter), by_name.get(status))):
+                _check(message, signal)
         if any(message.counter and message.counter.is_float for message in own):
             raise CanError(f"phalanx {phalanx!r}: expected an integer {counter!r}, found a float")
         found += own
@@ -141,12 +144,10 @@ def _gauges_of(phalanx: str, messages: Sequence[Message], names: SignalNames) ->
     """
     wanted = [name.replace("{phalanx}", phalanx) for name in names.gauges]
     signals = [(message, signal) for message in messages for signal in message.signals]
-    names_in = {
-        message.name: {signal.name for signal in message.signals}.intersection(wanted) for message in messages
-    }
-    first, *others = [own for own in names_in.values() if own] or [set()]
-    if others and all(own == first for own in others):
-        wanted = [f"{of}.{name}" for of, own in names_in.items() for name in wanted if name in own]
+    plain = [[pair for pair in signals if pair[0] is one and pair[1].name in wanted] for one in messages]
+    alike = {tuple(sorted(signal.name for _, signal in own)) for own in plain if own}
+    if len(alike) == 1 and sum(map(bool, plain)) > 1:
+        return [pair for own in plain for pair in sorted(own, key=lambda pair: wanted.index(pair[1].name))]
     found: list[Gauges] = [
         [(of, one) for of, one in signals if name in (one.name, f"{of.name}.{one.name}")] for name in wanted
     ]
@@ -157,13 +158,6 @@ def _gauges_of(phalanx: str, messages: Sequence[Message], names: SignalNames) ->
                 f"phalanx {phalanx!r}: expected the signal {name!r} once in {_names(messages)}, "
                 f"found {len(gauges)}" + ("; write MESSAGE.SIGNAL for one of them" if gauges else "")
             )
-        where, gauge = f"signal {name!r} of {_names(messages)}", gauges[0][1]
-        if gauge.unit not in VOLTS:
-            raise CanError(f"{where}: expected a unit of V, mV or uV, found {gauge.unit!r}")
-        if gauge.length > 64:
-            raise CanError(f"{where}: expected at most 64 bits, found {gauge.length}")
-        if not gauge.scale or not math.isfinite(gauge.scale):
-            raise CanError(f"{where}: expected a scale other than 0, found {gauge.scale}")
     return [gauges[0] for gauges in found[: last + 1]]
 
 
@@ -171,17 +165,18 @@ def _names(messages: Sequence[Message]) -> str:
     return ", ".join(message.name for message in messages)
 
 
-def _check_signal(message: Message, signal: Signal) -> None:
+def _check(message: Message, signal: Signal) -> None:
+    """Refuse a signal that is not in every frame, or has impossible values."""
+    where = f"signal {signal.name!r} of {message.name}"
     if signal.multiplexer_ids or signal.multiplexer_signal:
-        raise CanError(
-            f"signal {signal.name!r} of {message.name}: expected it in every frame, it is multiplexed"
-        )
-    lowest, highest = signal.minimum, signal.maximum
-    if lowest is not None and highest is not None and lowest >= highest and (lowest or highest):
-        raise CanError(
-            f"signal {signal.name!r} of {message.name}: expected a minimum below the maximum, found "
-            f"[{lowest}|{highest}]"
-        )
+        raise CanError(f"{where}: expected it in every frame, it is multiplexed")
+    if signal.length > 64:
+        raise CanError(f"{where}: expected at most 64 bits, found {signal.length}")
+    if not signal.scale or not math.isfinite(signal.scale):
+        raise CanError(f"{where}: expected a scale other than 0, found {signal.scale}")
+    lowest, highest = signal.minimum or 0, signal.maximum or 0
+    if lowest >= highest and (lowest or highest):  # [0|0] is none
+        raise CanError(f"{where}: expected a minimum below the maximum, found [{lowest}|{highest}]")
 
 
 def bits_of(signal: Signal) -> list[int]:

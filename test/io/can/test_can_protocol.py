@@ -346,6 +346,10 @@ BAD_DATABASES = {
     "a gauge twice": (CLASSIC.replace("gauge_8", "gauge_1"), "'gauge_1' once in index_a, index_b, found 2"),
     "newtons": (CLASSIC.replace('"V"', '"N"'), "unit of V, mV or uV, found 'N'"),
     "a scale of 0": (CLASSIC.replace("(0.00025,0)", "(0,0)"), "'gauge_1' .* scale other than 0"),
+    "a counter with a scale of 0": (
+        CLASSIC.replace("56|4@1+ (1,0)", "56|4@1+ (0,0)"),
+        "'counter' of index_a: expected a scale other than 0",
+    ),
     "a float as counter": (HEAD + FLOAT_COUNTER, "expected an integer 'counter', found a float"),
     "one identifier": (
         CLASSIC.replace("BO_ 259", "BO_ 258"),
@@ -372,7 +376,7 @@ BAD_DATABASES = {
     "an empty file": ("", "expected a DBC file, found no messages"),
     "80 bits": (
         CLASSIC.replace("gauge_1 : 0|14@1-", "gauge_1 : 0|80@1-"),
-        "DBC file|'gauge_1' of index_a, index_b: expected at most 64 bits, found 80",
+        "DBC file|'gauge_1' of index_a: expected at most 64 bits, found 80",
     ),
     "a million bits": (
         CLASSIC.replace("gauge_1 : 0|14", "gauge_1 : 0|1000000"),
@@ -502,6 +506,9 @@ def test_boards_of_one_kind_share_a_message(tmp_path: Path) -> None:
     for phalanx in range(3):
         (frame,) = hand.encode(phalanx, np.array([1.5]), sequence=0)
         assert hand.classify(frame)[1] == phalanx
+    both = LoadCellProtocol(path, ["index"], {"index": ["STRAIN@0x182", "STRAIN"]})
+    for frame, volts in zip(both.encode(0, np.array([1.5, -1.5]), sequence=0), (1.5, -1.5), strict=True):
+        assert both.decode(data_of(both, [frame]))[0][int(volts < 0)] == volts
     for reference in ("STRAIN@", "STRAIN@x", "STRAIN@-1", "STRAIN@0x20000000"):
         with pytest.raises(CanError, match=f"'{reference}': expected an identifier such as 0x182"):
             LoadCellProtocol(path, ["index"], {"index": [reference]})
