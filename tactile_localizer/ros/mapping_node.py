@@ -194,6 +194,7 @@ class MappingNode(ManagedNode):
         totals = {
             "samples without a pose": recorder.gaps,
             "samples missing, saturated or out of bounds": recorder.skipped,
+            "strain vectors lost in transport": self._inputs.lost,
             "late messages": pairing.late,
             "backward jumps of the stamps": pairing.resets,
         }

@@ -35,6 +35,14 @@ def test_unrecorded_contact_is_taken_from_the_map() -> None:
     assert np.abs(np.mean(away, axis=0)).max() < 0.002  # folds differ from sweep to sweep
     blank = unmarked(simulate_recording("none", 1, "test"))
     assert {sweep.contact for sweep in with_contact(blank, SCENE, model).sweeps} == {NO_CONTACT}
+    # The level of a sweep, which differs from session to session, says nothing.
+    predicted = np.einsum("mk,mkc->mc", np.exp(model.map.log_prior), model.map.mean)
+    level = np.linalg.solve(model.noise.whitening, predicted[np.argmax(np.abs(predicted).max(axis=1))])
+    for recording, expected in ((blank, {NO_CONTACT}), (unmarked(test), {s.contact for s in marked.sweeps})):
+        for sign in (-1.0, 1.0):
+            other = tuple(replace(s, strain=s.strain + sign * level) for s in recording.sweeps)
+            found = with_contact(replace(recording, sweeps=other), SCENE, model)
+            assert {sweep.contact for sweep in found.sweeps} == expected
     without_truth = replace(test, sweeps=tuple(replace(s, felt=None, truth=None) for s in test.sweeps))
     assert with_contact(without_truth, SCENE, model).sweeps[0].felt is None
     textured = copy(model)

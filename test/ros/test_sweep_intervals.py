@@ -1,10 +1,13 @@
 """A sweep is an interval of time: what is stamped within it belongs to it, whenever it arrives."""
 
+import os
+import signal
 import subprocess
 import sys
 import threading
 import time
 from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 import pytest
@@ -86,7 +89,8 @@ class Stream(threading.Thread):
 
     def _publish(self, topic, stamp_ns):
         if topic == "strain":
-            message = bags.strain(1, PHALANGES)
+            count = np.full(2, len(self.stamps[topic]), dtype=np.uint32)
+            message = bags.strain(1, PHALANGES, sequence=count)
         else:
             message = bags.pose(1, "material", float(place_at(np.array([stamp_ns]))[0, 0]), 0.02)
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 10**9)
@@ -226,3 +230,48 @@ def test_a_scan_that_is_removed_is_reported_and_written_again(node_process, prob
     assert len(sweep) >= 50
     probe.until(lambda: hand.statuses[-1].samples == len(sweep), "the number of pairs on disk")
     assert hand.service("start_sweep").success
+
+
+def test_what_a_busy_node_lost_is_not_blamed_on_a_clock(node_process, probe, files):
+    process = node_process("mapping_node", parameters={**files, "queue_depth": 5})
+    reports = probe.diagnostics()
+    stream = Stream(probe)
+    try:
+        assert probe.trigger(f"{NODE}/start_sweep").success
+        probe.until(lambda: any("recording" in text for text in messages(reports)), "a recording")
+        os.kill(process.pid, signal.SIGSTOP)
+        wait_until(partial(is_later, time.monotonic() + 1.5), "a while")
+        os.kill(process.pid, signal.SIGCONT)
+        probe.until(
+            lambda: any("lost in transport, this node is behind by 1." in text for text in messages(reports)),
+            "the cause",
+        )
+    finally:
+        stream.close()
+    assert not any("stamps are" in text for text in messages(reports))
+
+
+def test_implausible_motion_is_reported_while_it_is_recorded(node_process, probe, files):
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
+    hand = Hand(probe)
+    reports = probe.diagnostics()
+    hand.x = lambda stamp_ms: 0.02
+    hand.service("start_sweep")
+    probe.until(
+        lambda: hand.slide(500) or any("does not change" in each for each in messages(reports)), "a note"
+    )
+    hand.service("end_sweep")
+    reports.clear()
+    probe.until(lambda: hand.slide(100) or reports, "a status")
+    assert not any("does not change" in text for text in messages(reports)), "a hand may rest between sweeps"
+    hand.x = lambda stamp_ms: 0.01 + 0.02 * (stamp_ms // 20 % 2)
+    expected = "palm_pose: the position jumps by 20 mm within 20 ms and back"
+    probe.until(lambda: hand.slide(500) or any(expected in each for each in messages(reports)), "a note")
+
+
+def messages(reports):
+    return [report.status[0].message for report in reports]
+
+
+def is_later(time_s):
+    return time.monotonic() > time_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -74,10 +75,16 @@ class Increments:
 
 
 class LargestRecent:
-    """Largest value of the last second or two."""
+    """Largest value of a recent time.
 
-    def __init__(self) -> None:
-        self._present = self._previous = 0.0
+    Parameters
+    ----------
+    period_s : values are forgotten after one to two of this, s
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._present = self._previous = -math.inf
         self._since_s = time.monotonic()
 
     def add(self, value: float) -> None:
@@ -87,13 +94,13 @@ class LargestRecent:
 
     @property
     def largest(self) -> float:
-        """The largest value; 0 without any."""
+        """The largest value; minus infinity without any."""
         self._forget()
         return max(self._previous, self._present)
 
     def _forget(self) -> None:
         elapsed_s = time.monotonic() - self._since_s
-        if elapsed_s > _PERIOD_S:
-            self._previous = self._present if elapsed_s < 2 * _PERIOD_S else 0.0
-            self._present = 0.0
+        if elapsed_s > self._period_s:
+            self._previous = self._present if elapsed_s < 2 * self._period_s else -math.inf
+            self._present = -math.inf
             self._since_s += elapsed_s

@@ -36,11 +36,11 @@ from tactile_localizer.scene import Axis, Scene
 
 _Pairs = list[Pair[StrainSample]]
 
-_DELAYS = 1000
-"""Number of strain vectors of which the smallest delay is that of the clocks."""
+_CLOCKS_S, _BEHIND_S = 10.0, 2.0
+"""Times of which the smallest delay is that of the clocks, and the largest that of this node, s."""
 _POSES_PER_STRAIN = 10
 """Poses that wait for each strain vector that does: arms publish at up to 1 kHz, and no pose costs much."""
-_BEHIND_S = 0.1
+_LONG_S = 0.1
 """Time that a message waits for this node from which it is behind, s (judgement)."""
 _POSES = 2000
 """Number of poses whose motion is judged."""
@@ -137,8 +137,9 @@ class TactileInputs:
         self.received: Counter[str] = Counter()
         self.invalid: Counter[str] = Counter()
         self._ahead_ns: dict[str, int] = {}  # newest pose after the newest strain when a topic last arrived
-        self._delay_ns: deque[int] = deque(maxlen=_DELAYS)  # of strain, from its stamp to the node's time
-        self._waits = LargestRecent()
+        self._ahead_of_node_ns = LargestRecent(_CLOCKS_S)  # stamps of the strain on arrival
+        self._ahead_of_sender_ns = LargestRecent(_CLOCKS_S)  # times of sending on arrival
+        self._waits_ns = LargestRecent(_BEHIND_S)
         self._motion: deque[tuple[int, np.ndarray]] = deque(maxlen=_POSES)
         self.problems: dict[str, str] = {}
 
@@ -170,11 +171,11 @@ class TactileInputs:
         It is the time of the node, if strain arrives within ``patience_s`` of its stamps; otherwise, as where
         a sensor counts from its own start, it is the newest stamp that has arrived.
         """
-        least_ns = min(self._delay_ns, default=None)
-        if least_ns is None or abs(least_ns) > self._node.parameters["patience_s"] * NANOSECONDS:
+        ahead_ns = self._ahead_of_node_ns.largest
+        if abs(ahead_ns) > self._node.parameters["patience_s"] * NANOSECONDS:
             self.take_waiting()
             return self.newest_ns
-        return max(self.newest_ns, self._node.now_ns - min(least_ns, 0))
+        return max(self.newest_ns, self._node.now_ns + max(round(ahead_ns), 0))
 
     @property
     def lost(self) -> int:
@@ -210,8 +211,8 @@ class TactileInputs:
     @property
     def behind(self) -> str:
         """By how much this node is behind the messages that it has received; empty if it is not."""
-        wait_s = self._waits.largest
-        return f"this node is behind by {wait_s:.1f} s" if wait_s > _BEHIND_S else ""
+        wait_s = self._waits_ns.largest / NANOSECONDS
+        return f"this node is behind by {wait_s:.1f} s" if wait_s > _LONG_S else ""
 
     def absence(self, topic: str) -> str:
         """Where no message of a topic arrives: its name in the graph, and the number of its publishers."""
@@ -280,7 +281,7 @@ class TactileInputs:
         newest_ns = self.newest_ns
         self._take("strain", message, self.pairing.add_strain, self._reader.read)
         if self.newest_ns != newest_ns:
-            self._delay_ns.append(self._node.now_ns - self.newest_ns)
+            self._ahead_of_node_ns.add(self.newest_ns - self._node.now_ns)
         # Of a faster topic the executor leaves messages behind, and strain would not find its poses.
         self._take_poses()
 
@@ -300,9 +301,10 @@ class TactileInputs:
         return pairs
 
     def _note_wait(self, info: Mapping[str, int]) -> None:
-        """Note how long a message has waited for this node."""
-        if received_ns := info["received_timestamp"]:
-            self._waits.add((time.time_ns() - received_ns) / NANOSECONDS)
+        """Note how long a message has waited for this node: how much longer it was under way than others."""
+        ahead_ns = info["source_timestamp"] - time.time_ns()
+        self._ahead_of_sender_ns.add(ahead_ns)
+        self._waits_ns.add(self._ahead_of_sender_ns.largest - ahead_ns)
 
     def _take(
         self, topic: str, message: Any, add: Callable[[int, Any], _Pairs], read: Callable[[Any], Any]
