@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from tactile_localizer.cli.can_logs import add_can_arguments, log_reader
+from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_bag_arguments,
     add_csv_arguments,
@@ -76,8 +77,9 @@ def run(args: argparse.Namespace) -> int:
         from tactile_localizer.io.bags.recording import read_bag
 
         assert scene is not None
-        options = bag_options(args, scene) | {"detector": _detector(args, scene)}
-        recording = join([read_bag(file, scene, **options) for file in args.files])
+        with progress_line() as progress:
+            options = {**bag_options(args, scene), "detector": _detector(args, scene), "progress": progress}
+            recording = join([read_bag(file, scene, **options) for file in args.files])
     else:
         naming = naming_from_arguments(args)
         detail |= {"columns": naming_to_dict(naming), "poses": args.poses}

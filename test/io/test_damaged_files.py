@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.bags import SCENE, slide, write_bag
+from support.bags import SCENE, file_of, slide, write_bag
 
 from tactile_localizer.errors import TactileLocalizerError
 from tactile_localizer.io.bags.recording import read_bag
@@ -18,6 +18,8 @@ DAMAGE = st.lists(
     st.tuples(st.floats(0, 1), st.binary(max_size=8), st.integers(0, 8)), min_size=1, max_size=4
 )
 
+BAGS = {"bag.mcap": ("mcap",), "bag.db3": ("sqlite3",), "bag.mcap.zstd": ("mcap", "file")}
+
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
@@ -27,8 +29,8 @@ def files(tmp_path_factory):
     names = ["stamp_s", "x", "y", *channel_names("index", 8), *channel_names("middle", 8)]
     rows = np.column_stack([np.arange(5) / 100, np.zeros((5, 18))])
     np.savetxt(folder / "test.csv", rows, delimiter=",", header=",".join(names), comments="", fmt="%.3f")
-    (file,) = write_bag(folder / "bag", slide(0, 100)).glob("*.mcap")
-    file.rename(folder / "bag.mcap")
+    for name, kind in BAGS.items():
+        file_of(write_bag(folder / "-".join(kind), slide(0, 100), *kind)).rename(folder / name)
     return folder
 
 
@@ -36,7 +38,7 @@ READERS = {
     "scene.yaml": load_scene,
     "naming.yaml": load_naming,
     "test.csv": lambda path: read_csv(path, SCENE),
-    "bag.mcap": lambda path: read_bag(path, SCENE),
+    **dict.fromkeys(BAGS, lambda path: read_bag(path, SCENE)),
 }
 
 

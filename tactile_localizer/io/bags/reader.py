@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.store import Typestore
 
 from tactile_localizer.errors import ScanError, SceneError
-from tactile_localizer.io.bags.storage import Topic, read_storage
+from tactile_localizer.io.bags.storage import Contents, Topic, read_storage
 from tactile_localizer.io.whole_file import open_file
 from tactile_localizer.resources import resource_path
 
@@ -22,6 +22,8 @@ _ZSTD = b"\x28\xb5\x2f\xfd"
 """First bytes of a compressed message."""
 _MOST_BYTES = 2**26
 """Largest compressed message of unknown size, bytes."""
+_REPORT_EVERY = 1000
+"""Messages between two reports of the progress."""
 _IDL = "=" * 80 + "\nIDL: "
 """Line above each of several definitions."""
 
@@ -59,10 +61,10 @@ class BagMessages:
     incomplete : a line for each file that is not whole
     """
 
-    received: list[Received] = field(default_factory=list)
-    topics: dict[str, str] = field(default_factory=dict)
-    invalid: dict[str, list[Any]] = field(default_factory=dict)
-    incomplete: list[str] = field(default_factory=list)
+    received: list[Received]
+    topics: dict[str, str]
+    invalid: dict[str, list[Any]]
+    incomplete: list[str]
 
     def notes(self) -> list[str]:
         """One line per file that is not whole, and per topic with invalid messages."""
@@ -79,7 +81,10 @@ def absolute(topic: str) -> str:
 
 
 def read_messages(
-    path: str | Path, wanted: Mapping[str, Wanted], definitions: str | Path | None = None
+    path: str | Path,
+    wanted: Mapping[str, Wanted],
+    definitions: str | Path | None = None,
+    progress: Callable[[str, float], None] = lambda text, fraction: None,
 ) -> BagMessages:
     """Read the messages of some topics; others may be of any kind. One that cannot be converted is counted.
 
@@ -88,6 +93,7 @@ def read_messages(
     path : a folder, with or without ``metadata.yaml``, or one file: ``*.mcap``, ``*.db3``
     wanted : topics to read, which begin with a slash
     definitions : folder of ``.msg`` files, for types that neither the bag nor ROS 2 defines
+    progress : called with a description of the work and the completed fraction
 
     Raises
     ------
@@ -96,19 +102,12 @@ def read_messages(
         one without a definition.
     """
     path = Path(path)
-    found = BagMessages()
-    try:
-        if not (path.is_dir() or path.is_file()):
-            raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a folder of them), found none")
-        topics, messages, found.incomplete = read_storage(path, lambda name: absolute(name) in wanted)
-        found.topics = {absolute(topic.name): topic.kind for topic in topics}
-    except ScanError:
-        raise
-    except Exception as error:  # the libraries raise many types of exceptions on damaged bytes
-        repair = "`ros2 bag reindex`, `mcap recover` or sqlite3 `.recover` may repair it"
-        raise ScanError(f"{path}: expected a readable bag, {_one_line(error)}; {repair}") from None
+    topics, messages, incomplete = _stored(path, wanted)
+    found = BagMessages([], {absolute(topic.name): topic.kind for topic in topics}, {}, incomplete)
     decoders: dict[Topic, Callable[[bytes], Any]] = {}
-    for topic, received_ns, raw in messages:
+    for number, (topic, received_ns, raw) in enumerate(messages):
+        if number % _REPORT_EVERY == 0:
+            progress(f"reading {path}", number / len(messages))
         name = absolute(topic.name)
         if topic not in decoders:
             if topic.kind not in (kinds := wanted[name].kinds):
@@ -118,11 +117,24 @@ def read_messages(
             value = wanted[name].convert(decoders[topic](raw), received_ns)
         except SceneError:
             raise
-        except Exception as error:  # as above
+        except Exception as error:  # rosbags raises many types too
             found.invalid.setdefault(name, [0, _one_line(error)])[0] += 1
         else:
             found.received.extend(() if value is None else (Received(name, received_ns, value),))
     return found
+
+
+def _stored(path: Path, wanted: Mapping[str, Wanted]) -> Contents:
+    """The undecoded messages of a bag; errors as :func:`read_messages`."""
+    try:
+        if not (path.is_dir() or path.is_file()):
+            raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a folder of them), found none")
+        return read_storage(path, lambda name: absolute(name) in wanted)
+    except ScanError:
+        raise
+    except Exception as error:  # the libraries raise many types of exceptions on damaged bytes
+        repair = "`ros2 bag reindex`, `mcap recover` or sqlite3 `.recover` may repair it"
+        raise ScanError(f"{path}: expected a readable bag, {_one_line(error)}; {repair}") from None
 
 
 def typestore() -> Typestore:

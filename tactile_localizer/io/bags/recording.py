@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -92,6 +92,7 @@ def read_bag(
     detector: SweepDetector | None = None,
     adapter: StrainAdapter | None = None,
     definitions: str | Path | None = None,
+    progress: Callable[[str, float], None] = lambda text, fraction: None,
 ) -> Recording:
     """Read a bag as a recording.
 
@@ -109,6 +110,7 @@ def read_bag(
     detector : detects the sweeps in the motion instead
     adapter : converts messages of other types to strain, in place of the topic ``strain``
     definitions : folder of ``.msg`` files, for message types that neither the bag nor ROS 2 defines
+    progress : called with a description of the work and the completed fraction
 
     Returns
     -------
@@ -132,7 +134,7 @@ def read_bag(
     if palm_frame:
         del names["pose"]
         names |= {_TF: _TF, _TF_STATIC: _TF_STATIC}
-    messages = read_messages(path, _wanted(names, strains), definitions)
+    messages = read_messages(path, _wanted(names, strains), definitions, progress)
     found, notes = _by_name(messages, names, strains), messages.notes()
     for name in ("strain", _TF if palm_frame else "pose"):
         if not found[name]:
@@ -204,14 +206,9 @@ def _nothing_on(path: str | Path, topic: str, messages: BagMessages, notes: list
 
 def _delay_notes(strain: Sequence[_Arrived], poses: Sequence[_Arrived], topic: str) -> Iterator[str]:
     """A finding about poses on ``topic`` whose stamps are far from those of the strain received with them."""
-    behind_ns = (
-        np.median([each.received_ns - stamp_ns for each, stamp_ns in zip(arrived, stamps, strict=True)])
-        for arrived, stamps in (
-            (strain, [each.value.stamp_ns for each in strain]),
-            (poses, [each.value[1] for each in poses]),
-        )
-    )
-    ahead_ns = float(next(behind_ns) - next(behind_ns))
+    strain_ns = np.median([each.value.stamp_ns - each.received_ns for each in strain])
+    pose_ns = np.median([each.value[1] - each.received_ns for each in poses])
+    ahead_ns = float(pose_ns - strain_ns)
     if abs(ahead_ns) > _MOST_DELAY_NS:
         way = "ahead of" if ahead_ns > 0.0 else "behind"
         text = f"stamps are {abs(ahead_ns) / NANOSECONDS:.2g} s {way} the strain received with them"

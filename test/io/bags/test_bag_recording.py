@@ -71,6 +71,12 @@ def test_all_storages_give_the_same_recording(tmp_path, storage, compression):
         assert recording.notes == ()
 
 
+def test_progress_is_reported(tmp_path):
+    fractions = []
+    read_bag(whole(tmp_path / "bag", last_ms=6000), SCENE, progress=lambda text, done: fractions.append(done))
+    assert fractions == [0.0, 2 / 3]
+
+
 def damaged(path, storage):
     """A bag of 20 s and its file."""
     bag = whole(path, storage, last_ms=20_000)
