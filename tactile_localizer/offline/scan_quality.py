@@ -41,8 +41,8 @@ def findings(scan: Scan, scene: Scene, sweeps: Sequence[RecordedSweep]) -> list[
     motions = [(each, describe_motion(scene.axes, each.stamp_ns, each.position)) for each in sweeps]
     if implausible := [(sweep.number, motion) for sweep, motion in motions if motion]:
         number, motion = implausible[0]
-        others = f"{len(implausible) - 1} of {len(sweeps) - 1} others are implausible"
-        found.append(f"{motion} (sweep {number}, and {others})")
+        others = f", and {len(implausible) - 1} of {len(sweeps) - 1} others are implausible"
+        found.append(f"{motion} (sweep {number}{others * (len(implausible) > 1)})")
     if len(scan.sweep_numbers) == 1:
         found.append("only one sweep: the noise between sweeps cannot be estimated")
     coverage = Coverage(scene)

@@ -38,6 +38,8 @@ _DATE = re.compile(
 _LARGEST = 1e100
 """Largest number, of which squares are finite."""
 _FLAGS = {"true": "1", "false": "0"}
+_MISSING = ("", "-", "na", "n/a", "#n/a", "<na>", "none", "null")
+"""Spellings of a missing value beside NaN, in lower case."""
 
 
 class Table(NamedTuple):
@@ -163,7 +165,7 @@ class _Cells:
         with suppress(ValueError, ArithmeticError, IndexError):
             return self._numbers([row[each] for each in self._indices])
         names = self._header.names
-        if len(row) < len(names):
+        if len(row) <= max(self._indices):
             raise ValueError(f"expected {len(names)} cells, found {len(row)}")
         cells = [row[each].strip() for each in self._indices]
         if not any(cells[self._stamps :]):
@@ -178,6 +180,8 @@ class _Cells:
                 found = repr(cells[place][:40]) if cells[place] else "an empty cell"
                 if not cells[place] and self._stamps <= place < self._required:
                     found += " (positions in rows of their own? pass the file by --poses too)"
+                if "," in cells[place]:
+                    found += " (a decimal comma? write points, or separate by semicolons)"
                 raise ValueError(f"column {names[self._indices[place]]}: expected a number, found {found}")
         return self._numbers(plain)
 
@@ -203,7 +207,7 @@ def _plain(quantity: str, cell: str) -> str:
             return str(Decimal(second) + Decimal(date[2] or 0))
     if quantity == FELT:
         cell = _FLAGS.get(cell.lower(), cell)
-    return cell or "nan" * (quantity not in (SWEEP, *AXIS_NAMES))
+    return "nan" if cell.lower() in _MISSING and quantity not in (SWEEP, *AXIS_NAMES) else cell
 
 
 def _is_number(text: str, *, required: bool) -> bool:

@@ -152,7 +152,8 @@ def test_invalid_rows_are_counted(tmp_path):
         (0, "2024-13-01 16:00:01", "column stamp_s: expected a number, found '2024-13-01 16:00:01'"),
         (1, "", "column x: expected a number, found an empty cell"),
         (1, "inf", "column x: expected a number, found 'inf'"),
-        (4, "1,5", "column index_3: expected a number, found '1,5'"),
+        (4, "1,5", "column index_3: expected a number, found '1,5' (a decimal comma?"),
+        (1, "NA", "column x: expected a number, found 'NA'"),
         (4, "true", "column index_3: expected a number, found 'true'"),
         (4, "\x1b[31m", "column index_3: expected a number, found '\\x1b[31m'"),
         (4, "9" * 100, None),
@@ -224,6 +225,7 @@ def assert_four_rows(recording):
         as_text(separator=";").replace(".", ","),
         as_text(separator="\t").replace(".", ","),
         as_text(separator="\t").replace(".", ",").replace("\n", "\t\n"),
+        as_text([*HEADER, "Comment"], separator="\t").replace(".", ","),
     ],
 )
 def test_header_separator_and_decimal_sign_are_found(tmp_path, text):
@@ -247,7 +249,8 @@ def test_thousands_beside_decimal_points_are_not_taken_for_decimal_commas(tmp_pa
     path = write(tmp_path / "a.csv", HEADER, rows, delimiter=";")
     recording = read_csv(path, LINE)
     assert recording.notes == (
-        f"skipped 1 of 4 rows of {path} (first: line 4, column index_3: expected a number, found '1,002')",
+        f"skipped 1 of 4 rows of {path} (first: line 4, column index_3: expected a number, found '1,002' "
+        "(a decimal comma? write points, or separate by semicolons))",
     )
 
 
@@ -316,9 +319,12 @@ def test_series_merged_into_one_table_are_no_lost_rows(tmp_path):
     assert "pass the file by --poses too" in read_csv(path, LINE).notes[0]
 
 
-def test_an_empty_cell_of_strain_is_missing(tmp_path):
+@pytest.mark.parametrize(
+    "spelling", ["", " ", "nan", "NaN", "-nan", "NA", "N/A", "#N/A", "null", "None", "-"]
+)
+def test_a_strain_that_is_missing_is_nan_in_any_spelling(tmp_path, spelling):
     rows = line_rows(4)
-    rows[1][4] = rows[2][4] = rows[3][5] = ""
+    rows[1][4] = rows[2][4] = rows[3][5] = spelling
     path = write(tmp_path / "a.csv", HEADER, rows)
     recording = read_csv(path, LINE)
     (sweep,) = recording.sweeps
