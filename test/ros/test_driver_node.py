@@ -199,19 +199,6 @@ def test_diagnostics_distinguish_idle_ok_and_stale(
     assert all(status.level == DiagnosticStatus.OK for status in hand.reports[-1].status)
     assert "idle" in hand.status("index")[1]
 
-    foreign = [
-        can.Message(arbitration_id=number, is_extended_id=True, data=bytes(8)) for number in (0x700, 0x102)
-    ]
-
-    def sent_foreign() -> bool:
-        for frame in foreign:
-            hand.bus.send(frame)
-        return "none with an identifier of the DBC, the last 0x700" in hand.status("CAN bus")[1]
-
-    probe.until(sent_foreign, "foreign frames")
-    assert hand.status("CAN bus")[0] == DiagnosticStatus.WARN
-    assert "0x102 index_a: an identifier of 29 bits instead of 11" in hand.status("index")[1]
-
     def until(what: str, message: str, volts: float = 0.0, status: int = 0, index: str = "") -> None:
         def condition() -> bool:
             strain = [volts] + 7 * [0.0]
@@ -248,6 +235,32 @@ def test_diagnostics_distinguish_idle_ok_and_stale(
     assert complete == hand.number
     middle = hand.status("middle")[2]
     assert int(middle["drops"]) == 2 * (complete - int(middle["samples"])) > 0
+
+
+def test_frames_that_are_not_those_of_the_dbc_are_named(
+    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticStatus
+
+    node_process("driver_node", parameters=parameters)
+    foreign = [
+        can.Message(arbitration_id=number, is_extended_id=True, data=bytes(8)) for number in (0x700, 0x102)
+    ]
+
+    def sent_foreign() -> bool:
+        for frame in foreign:
+            hand.bus.send(frame)
+        return "none with an identifier of the DBC, the last 0x700" in hand.status("CAN bus")[1]
+
+    probe.until(sent_foreign, "foreign frames")
+    assert hand.status("CAN bus")[0] == DiagnosticStatus.WARN
+    assert "0x102 index_a: an identifier of 29 bits instead of 11" in hand.status("index")[1]
+
+    def sent_in_part() -> bool:
+        hand.bus.send(cycle(HAND, hand.number)[0])
+        return "0x103 index_b not received" in hand.status("index")[1]
+
+    probe.until(sent_in_part, "a message that does not come")
 
 
 def test_two_senders_and_two_drivers_are_reported(

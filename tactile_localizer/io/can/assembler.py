@@ -245,6 +245,10 @@ class CycleAssembler:
             if stream.counter is not None:
                 stream.counter.newest = None
 
+    def has_received(self, slot: int) -> bool:
+        """Whether frames of a message were received since the last pause."""
+        return bool(self._streams[slot].last_ns)
+
     def feed(self, frames: Sequence[can.Message], oldest_ns: int = 0) -> list[Cycle]:
         """Process frames in order of reception; returns the cycles that they complete or close.
 

@@ -154,9 +154,18 @@ class DriverDiagnostics:
             **counts,
             "cycles_per_sample": f"{counts['cycles_per_sample']:.3g}",
         }
-        if misfit and not new_of_phalanx["samples"] and (age_s or 0.0) < self._stale_timeout_s:
-            return self._publisher.status(name, DiagnosticStatus.ERROR, misfit, values)
+        if not new_of_phalanx["samples"] and (age_s or 0.0) < self._stale_timeout_s:
+            reason = misfit or (age_s is not None and self._absent(name))
+            if reason:
+                return self._publisher.status(name, DiagnosticStatus.ERROR, reason, values)
         return self._publisher.status(name, *self._level(new_of_phalanx, age_s, suspect, counts), values)
+
+    def _absent(self, name: str) -> str:
+        """A message of the phalanx that does not come although others of it do, in words."""
+        protocol, has_received = self._driver.protocol, self._driver.assembler.has_received
+        own = [slot for slot, one in enumerate(protocol.messages) if protocol.phalanges[one.phalanx] == name]
+        absent = [protocol.messages[slot].name for slot in own if not has_received(slot)]
+        return f"{', '.join(absent)} not received" if absent else ""
 
     def _level(
         self, new: Mapping[str, int], age_s: float | None, suspect: str, counts: Mapping[str, Any]
