@@ -346,6 +346,13 @@ class Localizer:
         used = present & self._consistency.consistent
         return used if used.any() else present
 
+    def _reason(self, travel: float) -> str:
+        """Why the position has converged or not; before the hand moves, there is no other reason."""
+        convergence = self._convergence
+        if convergence.state is State.SEARCHING and travel < self._update_distance:
+            return f"not converged: {1e3 * travel:.1f} mm travelled"
+        return convergence.reason
+
     def _estimate(self, stamp_ns: int, updated: bool) -> Estimate:
         belief = self._belief
         assert belief is not None
@@ -360,7 +367,7 @@ class Localizer:
             covariance=covariance,
             trace=sum(covariance.ravel().tolist()[:: len(covariance) + 1]),
             state=convergence.state,
-            reason=convergence.reason,
+            reason=self._reason(self._travel + travel),
             probability=convergence.probability,
             on_map=self._sweep.explanations.on_map,
             log_marginal=log_marginal,

@@ -10,6 +10,7 @@ If strain or poses stop, the last estimate is repeated and marked as stale; it i
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -50,6 +51,7 @@ from tactile_localizer.srv import LoadScan
 
 _INPUTS = ("strain", "palm_pose")
 """Topics without which there is no estimate."""
+_NUMBERS = re.compile(r"\(\d+ publishers?\)|[\d.]+")
 _WATCH_PERIOD_S, _WATCHES_PER_STATUS = 0.1, 10
 
 
@@ -155,6 +157,7 @@ class FilterNode(ManagedNode):
         self._inputs.start(loaded.scene)
         self._loaded, self._online = loaded, online
         self._stale = ""
+        self._warned: set[str] = set()
         self._arrivals = Increments()
         self._last_ns = dict.fromkeys((*_INPUTS, "estimate"), self.now_ns)
         self._age_s = dict.fromkeys(self._last_ns, 0.0)
@@ -239,13 +242,23 @@ class FilterNode(ManagedNode):
             age_s = max(age_s, behind_ns / NANOSECONDS)
         was_stale = bool(self._stale)
         self._stale = f"{self._missing()}, no estimate for {age_s:.1f} s" if age_s > timeout_s else ""
-        if bool(self._stale) != was_stale:
-            self.get_logger().warning(f"stale: {self._stale}" if self._stale else "no longer stale")
+        if self._stale:
+            self._warn()
+        elif self._warned:
+            self._warned.clear()
+            self.get_logger().warning("no longer stale")
         if self._stale and not was_stale:
             self._repeat_as_stale()
         self._watches += 1
         if self._watches % _WATCHES_PER_STATUS == 0:  # a second timer would slow the executor down
             self._health.publish(*self._statuses())
+
+    def _warn(self) -> None:
+        """Log why the estimate is stale: each reason once, whatever its numbers."""
+        kind = _NUMBERS.sub("", self._stale)
+        if kind not in self._warned:
+            self._warned.add(kind)
+            self.get_logger().warning(f"stale: {self._stale}")
 
     def _missing(self) -> str:
         """Why there is no new estimate."""

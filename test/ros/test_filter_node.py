@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import re
 
 import numpy as np
 import pytest
@@ -93,6 +94,10 @@ def test_topics_without_messages_are_warned_of_once(node_process, probe, scan_fi
     assert node.output.count("WARN") == 1
     levels = {status.name: status.level for status in reports[-1].status}
     assert levels == {"tactile_filter: belief": b"\x03", "tactile_filter: inputs": b"\x02"}, "no green lamp"
+    hand = SlidingHand(probe, unseen_sweep(), topics=("strain", "arm/pose"))
+    probe.known_to("tactile_filter")
+    found = r"stale: no palm_pose on /arm/pose .2 publishers., no estimate"
+    probe.until(lambda: hand.slide(1, poses=False) or re.search(found, node.output), "the other reason")
 
 
 def test_diagnostics_describe_belief_and_inputs(start, probe):

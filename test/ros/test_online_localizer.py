@@ -81,6 +81,14 @@ def test_strain_in_a_pose_gap_gives_no_estimate(online, sweep):
     assert online.last_error == ""
 
 
+def test_no_travel_is_the_reason_for_no_convergence(online, sweep):
+    slide(online, sweep, 0, 1)
+    assert online.latest.reason == "not converged: 0.0 mm travelled"
+    slide(online, sweep, 1, 40)
+    assert online.latest.travel > 0.001
+    assert "travelled" not in online.latest.reason
+
+
 def test_a_faulty_phalanx_is_ignored(online, sweep):
     for k, status in enumerate(([0, 0], [1, 0], [0, 2], [0, 4], [0, 0])):
         strain = np.where(np.repeat(status, 8), np.nan, sweep.strain[k])
