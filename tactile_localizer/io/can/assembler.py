@@ -33,6 +33,9 @@ TOLERANCE = 1 / 16
 INTERVALS = 64
 """Number of intervals from which the period of a message is estimated."""
 
+EACH = 16
+"""Number of samples after which that is done again."""
+
 SLOW = 1.2
 """Ratio of the periods from which a load cell is reported to be slower than the fastest one."""
 
@@ -128,8 +131,8 @@ class _Stream:
     cycle : number of the newest cycle with a frame
     value, samples : value of the counter of that frame, and samples by which it is ahead of the one before
     lead : usual difference of its counter from that of the load cell's first message; ``None``: unknown
-    intervals : newest times between two samples, ns
-    period_ns : usual one of them; 0: unknown
+    intervals, measured : newest times between two samples, ns, and the number of all
+    period_ns, tolerance_ns : usual interval, and deviation that is no delay; 0: unknown
     """
 
     cell: _LoadCell = field(repr=False)
@@ -145,6 +148,7 @@ class _Stream:
     intervals: deque[float] = field(default_factory=lambda: deque(maxlen=INTERVALS))
     measured: int = 0
     period_ns: float = 0.0
+    tolerance_ns: float = 0.0
 
 
 @dataclass(slots=True, eq=False)
@@ -183,6 +187,11 @@ class _LoadCell:
         first = self.streams[0].counter
         found = []
         for stream in self.streams[1:]:
+            if (
+                stream.lead == stream.value - self.streams[0].value
+                and stream.samples == self.streams[0].samples
+            ):
+                continue
             own = stream.counter
             if first is None or own is None or first.span != own.span or not first.step == own.step > 0:
                 continue
@@ -288,7 +297,7 @@ class CycleAssembler:
         stream = self._streams[slot]
         stamp_ns = int(frame.timestamp * 1e9)
         gap_ns = stamp_ns - self._last_ns
-        if not 0 <= gap_ns <= PAUSE_NS:
+        if abs(gap_ns) > PAUSE_NS:
             self.reset()
         samples = 1
         if stream.counter is not None and not stream.counter.follows(value):
@@ -297,13 +306,12 @@ class CycleAssembler:
                 return FrameKind.OUT_OF_ORDER if samples else FrameKind.DUPLICATE
         stream.sequence += samples
         if stream.last_ns:
-            self._measure(stream, (stamp_ns - stream.last_ns) / samples, stamp_ns)
-            due_ns = stream.sent_ns + round(samples * stream.period_ns)
-            self._note_delay(stamp_ns - due_ns, gap_ns, stream.period_ns * TOLERANCE)
+            self._note_interval(stream, stamp_ns, samples, gap_ns)
         stream.last_ns = stream.cell.counts.last_ns = self._last_ns = stamp_ns
-        stream.sent_ns = sent_ns = stamp_ns - self._delay_ns
-        gap_ns, self._sent_ns = sent_ns - self._sent_ns, sent_ns
-        if self.period_ns and not self._cut_ns - 2 * self.period_ns <= sent_ns < self._cut_ns:
+        sent_ns = stamp_ns - self._delay_ns
+        gap_ns = sent_ns - self._sent_ns
+        stream.sent_ns = self._sent_ns = sent_ns
+        if self.period_ns and not 0 < self._cut_ns - sent_ns <= 2 * self.period_ns:
             self._pass_cut(sent_ns, gap_ns)
         elif self._gap_ns < gap_ns <= PAUSE_NS:
             self._gap_ns, self._middle_ns = gap_ns, sent_ns - gap_ns // 2
@@ -330,13 +338,25 @@ class CycleAssembler:
         counts.counter = counter.problem
         return samples
 
-    def _measure(self, stream: _Stream, interval_ns: float, stamp_ns: int) -> None:
-        """Estimate the period of a message, and of the cycles, from the time between two samples."""
-        stream.intervals.append(interval_ns)
+    def _note_interval(self, stream: _Stream, stamp_ns: int, samples: int, gap_ns: int) -> None:
+        """Follow the period of a message and the delay of the whole bus.
+
+        The delay is how late a frame is if none was lost. It grows if no frame was received meanwhile (else
+        some were lost), and shrinks with each frame of the burst that follows.
+        """
+        stream.intervals.append((stamp_ns - stream.last_ns) / samples)
         stream.measured += 1
-        if stream.measured > 16 and stream.measured % 16:
-            return
+        if stream.measured <= EACH or not stream.measured % EACH:
+            self._estimate_period(stream, stamp_ns)
+        late_ns = stamp_ns - stream.sent_ns - samples * stream.period_ns
+        change_ns = late_ns - self._delay_ns
+        if change_ns < -stream.tolerance_ns or stream.tolerance_ns < change_ns <= gap_ns:
+            self._delay_ns = max(0, round(late_ns))
+
+    def _estimate_period(self, stream: _Stream, stamp_ns: int) -> None:
+        """Estimate the period of a message, and of the cycles."""
         stream.period_ns = max(_usual(stream.intervals), SHORTEST_PERIOD_NS)
+        stream.tolerance_ns = TOLERANCE * stream.period_ns
         sending = [
             one.period_ns
             for one in self._streams
@@ -347,15 +367,6 @@ class CycleAssembler:
             self.period_ns = self._fastest_ns
         ratio = stream.period_ns / self._fastest_ns
         stream.cell.counts.cycles_per_sample = ratio if ratio > SLOW else 1.0
-
-    def _note_delay(self, late_ns: int, gap_ns: int, tolerance_ns: float) -> None:
-        """Follow the delay of the whole bus with a frame that is late by ``late_ns`` if none was lost.
-
-        It grows if no frame was received meanwhile, else frames were lost. Then it shrinks with each frame.
-        """
-        change_ns = late_ns - self._delay_ns
-        if change_ns < -tolerance_ns or tolerance_ns < change_ns <= gap_ns:
-            self._delay_ns = max(0, late_ns)
 
     def _place(self, stream: _Stream, frame: can.Message, value: int, samples: int) -> None:
         """Use a frame in the open cycle, or in a new one."""
@@ -410,7 +421,8 @@ class CycleAssembler:
             self._torn = [cell for cell in self._paired if cell.is_whole(self._number) and cell.leads()]
         strain, status = self._protocol.decode(self._data)
         for p, cell in enumerate(self._cells):
-            if cell.is_whole(self._number) and (cell not in self._torn or cell.settle()):
+            is_whole = not self._awaited or cell.is_whole(self._number)
+            if is_whole and (cell not in self._torn or cell.settle()):
                 cell.counts.samples += 1
             else:
                 cell.counts.missing += 1

@@ -50,7 +50,8 @@ class RollingCounter:
         if value < self.newest:
             self._note_ends(value)
         self.newest, self.is_sure = value, True
-        self._unusual.clear()
+        if self._unusual:
+            self._unusual.clear()
         return True
 
     def advance(self, value: int, expected: float, longest: float) -> int:

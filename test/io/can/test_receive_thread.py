@@ -14,7 +14,7 @@ from support.waiting import Deadline, wait_until
 
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can import driver
-from tactile_localizer.io.can.bus import AbsentBusError, BusSettings, ReceiveQueue
+from tactile_localizer.io.can.bus import AbsentBusError, BusSettings, Link, ReceiveQueue
 from tactile_localizer.io.can.commands import Commands, parse_frames
 from tactile_localizer.io.can.driver import CLOSED, OPEN, WAITING, LoadCellDriver
 from tactile_localizer.io.can.error_frames import (
@@ -323,3 +323,18 @@ def test_adapter_stamps_are_replaced(
     one.wait_for(1)
     (stamp,) = [message.timestamp for batch in one.batches for message in batch]
     assert abs(stamp - time.time()) < 60
+
+
+def test_traffic_is_foreign_only_while_nothing_is_delivered(monkeypatch: pytest.MonkeyPatch) -> None:
+    totals = iter(range(0, 1000, 10))
+    monkeypatch.setattr(driver, "link_of", lambda bus: Link(True, 16, next(totals), ""))
+    one = Line("foreign")
+    bus, frame = one.bus_of_its_own(), can.Message(arbitration_id=1)
+    found = []
+    for delivered in ([], [frame], [frame], [], [], [frame]):
+        one._update_status(delivered)
+        one._poll(bus)
+        found.append(one.status.foreign)
+    assert found == [0, 0, 0, 10, 20, 0]
+    bus.shutdown()
+    one.close()
