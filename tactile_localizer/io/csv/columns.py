@@ -35,8 +35,10 @@ TRUE = {axis: f"true_{axis}" for axis in AXIS_NAMES}
 STAMPS = ("stamp_s", "pose_stamp_s")
 _OTHERS = (*STAMPS, SWEEP, FELT, *AXIS_NAMES, *TRUE.values())
 """Quantities that are no phalanges."""
+_LONGEST = 100
+"""Characters of a name that are compared with others for a proposal."""
 _RANGE = re.compile(r"(.*?)([0-9]{1,9})\.\.([0-9]{1,9})")
-_SIGN = r"\s*(?<![0-9.][eE])(?<!\*)(?<!\*\s)"
+_SIGN = r"(?<![0-9.][eE])(?<!\*)(?<!\*\s)"
 """Before a + or - that is not part of a number."""
 _OFFSET = re.compile(_SIGN + r"([-+]\s*[0-9.]+(?:[eE][-+]?[0-9]+)?)$")
 
@@ -160,7 +162,7 @@ def _groups(header: Sequence[str], naming: ColumnNaming) -> dict[str, list[str]]
     """Columns without a meaning by what they have in common before a number or a short ending."""
     groups: dict[str, list[str]] = {}
     for column in header:
-        match = re.fullmatch(r"(.+?)(?:[\W_]*[0-9]+.*|[\W_]+[A-Za-z]{1,2})", column)
+        match = re.fullmatch(r"(.+?)(?:[\W_]*[0-9]+.*|[\W_]+[A-Za-z]{1,2})", column[:_LONGEST])
         if match and column not in {*_used(naming), *_OTHERS}:
             groups.setdefault(re.sub(r"\W+", "_", match[1]).strip("_") or "finger", []).append(column)
     return {name: columns for name, columns in groups.items() if len(columns) > 1}

@@ -24,7 +24,7 @@ _MAX_LINE = 2**20
 _HEAD = 200
 """Lines in which the header is searched; instruments write up to 30 before it."""
 _COMMENTS = ("#", "%")
-_NUMBER = re.compile(r"\s*[-+]?[0-9]*[.,]?[0-9]+(?:[eE][-+]?[0-9]+)?\s*")
+_NUMBER = re.compile(r"\s*[-+]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?\s*")
 
 _LATIN_1 = "tactile_localizer.latin_1"
 """Error handler of a decoder that takes for Latin-1 what is not in the encoding, as of older programs."""

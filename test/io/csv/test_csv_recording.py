@@ -4,9 +4,12 @@ import csv
 import gzip
 import os
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tactile_localizer.core.geometry.synchronization import interpolate_poses
 from tactile_localizer.errors import ScanError
@@ -17,6 +20,7 @@ from tactile_localizer.io.csv.columns import (
     naming_from_pairs,
     naming_to_dict,
 )
+from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -468,6 +472,37 @@ def test_what_would_never_end_or_fill_the_memory_is_refused(tmp_path):
     with pytest.raises(ScanError, match="and 99980 more") as refusal:
         read_csv(tmp_path / "wide.csv", LINE)
     assert len(str(refusal.value)) < 1000
+
+
+@pytest.mark.parametrize("repeated", ["1", "_", " ", "1,", "-", "a1."])
+@pytest.mark.parametrize("place", ["header", "row", "naming"])
+def test_long_cells_take_no_longer_than_others(tmp_path, repeated, place):
+    cell = repeated * 50_000 + "x"
+    header, rows, naming = [*HEADER, "more"], [[*row, ""] for row in line_rows(4)], ColumnNaming()
+    begun_s = time.process_time()
+    with suppress(ScanError):
+        if place == "header":
+            header[-1] = cell
+        elif place == "row":
+            rows[2][0] = cell
+        else:
+            naming = naming_from_pairs([f"stamp_s={cell}", f"index={cell}"], naming)
+        path = write(tmp_path / "a.csv", header, rows, delimiter="\t")
+        assert len(read_csv(path, LINE, naming)) == 4 - (place == "row")
+    with suppress(ScanError):
+        propose_scene("own", [str(write(tmp_path / "b.csv", header[:1] + header[-1:], rows))], naming)
+    assert time.process_time() - begun_s < 2
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from(["stamp_s", "pose_stamp_s", "x", "index"]), st.text(min_size=1)), max_size=3
+    )
+)
+def test_any_naming_is_read_back_or_refused(pairs):
+    with suppress(ScanError):
+        naming = naming_from_pairs([f"{name}={text}" for name, text in pairs], ColumnNaming())
+        assert naming_from_dict(naming_to_dict(naming)) == naming
 
 
 @pytest.mark.parametrize(
