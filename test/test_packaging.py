@@ -173,6 +173,12 @@ def run_without(libraries: Sequence[str], package: Path, folder: Path, *commands
     return done.stdout.splitlines()
 
 
+def test_a_wheel_has_every_file_of_the_package(installed: Path) -> None:
+    package = ROOT / "tactile_localizer"
+    own = {path.relative_to(ROOT) for path in package.rglob("*") if path.is_file() and path.suffix != ".pyc"}
+    assert {path for path in own if not (installed / path).exists()} == set()
+
+
 @pytest.mark.slow
 def test_a_wheel_replays_the_shipped_recording_without_extras(installed: Path, tmp_path: Path) -> None:
     recording = ROOT / "examples/recordings/engine_bump"
