@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tactile_localizer import __version__, cli
+from tactile_localizer.cli.outputs import _INPUTS
 from tactile_localizer.io.scans import FORMAT
 
 
@@ -172,6 +173,19 @@ def test_no_output_replaces_an_input(inputs, capsys: pytest.CaptureFixture, argu
     assert "expected another file than the inputs, found it in " in refusal
     assert refusal.count("\n") == 1
     assert {path: path.read_bytes() for path in inputs.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize("command", ["replay", "tradeoff"])
+def test_every_argument_that_names_an_input_is_known_as_one(command: str) -> None:
+    (commands,) = (each for each in cli.command_parser([command])._actions if each.dest == "==SUPPRESS==")
+    named = {
+        action.dest
+        for action in commands.choices[command]._actions
+        if action.metavar in ("FILE", "FOLDER", "PRESET", "RECORDING", "SCAN", "SCENE", "YAML")
+        and action.type is not Path
+    }
+    assert named - {"configurations"} <= set(_INPUTS)
+    assert {"recordings", "scan", "columns", "poses", "adapter"} <= named
 
 
 @pytest.mark.parametrize("seed", ["-1", "x", "1.5"])

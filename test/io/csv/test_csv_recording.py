@@ -5,13 +5,14 @@ import gzip
 import os
 import time
 from contextlib import suppress
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_localizer.core.geometry.synchronization import interpolate_poses
+from tactile_localizer.core.geometry.synchronization import Pairing, interpolate_poses
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import (
     ColumnNaming,
@@ -311,6 +312,33 @@ def test_stamps_that_jump_back_begin_another_sweep(tmp_path):
     paired = read_csv(touch, LINE, poses=[poses])
     assert [len(each) for each in paired.sweeps] == [75, 100, 60]
     np.testing.assert_allclose(paired.sweeps[1].position[:, 0], 0.0001 * np.arange(100), atol=1e-12)
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.sampled_from([10, 10, 10, 20, 5000, 0, -30, -400, -700, -60_000]), min_size=1, max_size=60),
+    st.booleans(),
+)
+def test_sweeps_and_pairs_are_those_of_the_live_pairing(tmp_path_factory, steps_ms, apart):
+    """Whatever the stamps do: repeat, overtake each other, pause, or jump back."""
+    folder = tmp_path_factory.mktemp("stream")
+    stamps_ms = 100_000 + np.cumsum(steps_ms)
+    rows = [[f"{ms / 1e3:.3f}", f"{0.001 * n:.4f}", *range(8)] for n, ms in enumerate(stamps_ms.tolist())]
+    pairing, live = Pairing(LINE.axes), []
+    for ms, row in zip(stamps_ms.tolist(), rows, strict=True):
+        live += pairing.add_pose(ms * 10**6, np.array([float(row[1])]))
+        live += pairing.add_strain(ms * 10**6, None)
+    live = [pair for pair in live + pairing.finish() if pair.position is not None]
+    touch, poses = write(folder / "a.csv", HEADER, rows), []
+    if apart:
+        poses = [write(folder / "b.csv", HEADER[:2], [row[:2] for row in rows])]
+    with suppress(ScanError):  # one row, or one stamp in all of them
+        sweeps = read_csv(touch, LINE, poses=poses).sweeps
+        assert [ns for sweep in sweeps for ns in sweep.stamp_ns.tolist()] == [pair.stamp_ns for pair in live]
+        position = np.concatenate([sweep.position[:, 0] for sweep in sweeps])
+        np.testing.assert_allclose(position, [pair.position[0] for pair in live], atol=1e-12)
+        begins = sum(after.stamp_ns < before.stamp_ns for before, after in pairwise(live))
+        assert len(sweeps) == 1 + begins
 
 
 def test_series_merged_into_one_table_are_no_lost_rows(tmp_path):
