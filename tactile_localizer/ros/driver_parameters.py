@@ -45,7 +45,7 @@ PARAMETERS = (
     Parameter(
         "period_s",
         0.0,
-        "Period of the load cells; a cycle holds what is received within half of it. 0: estimated",
+        "Longest period of load cells that send irregularly. 0: estimated, for all others",
         "s",
         0.0,
         1.0,
