@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import chain
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.geometry.runs import NANOSECONDS, STRAIN, Runs, runs_of
 from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S, pair_recorded
-from tactile_localizer.core.geometry.transforms import Transform, look_up
+from tactile_localizer.core.geometry.transforms import Transform, combined
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import MeasurementError, ScanError, listed
 from tactile_localizer.io.bags.reader import BagMessages, Wanted, absolute, read_messages
@@ -142,12 +143,12 @@ def read_bag(
     stamp_ns, strain, status = map(np.array, zip(*(each.value for each in found["strain"]), strict=True))
     run = np.array([each.run for each in found["strain"]])
     notes += late_notes(run, "strain vectors")
+    topic = names.get("pose", _TF)
     if palm_frame:
-        poses = _looked_up(found, palm_frame, frame, stamp_ns, run, max_gap_s)
-    else:
-        poses = _positions(found["pose"], frame, names["pose"], notes)
-        findings = pose_notes(names["pose"], scene.axes, stamp_ns, *poses[:2], max_gap_s)
-        notes += [*findings] or [*_delay_notes(found["strain"], found["pose"], names["pose"])]
+        found["pose"] = _from_tf(found, frame.reference_frame, palm_frame.lstrip("/"))
+    poses = _positions(found["pose"], frame, topic, notes)
+    implausible = [*pose_notes(topic, scene.axes, stamp_ns, *poses[:2], max_gap_s)]
+    notes += implausible or _delay_notes(found["strain"], found["pose"], topic)
 
     def paired(poses: _Poses) -> tuple[np.ndarray, np.ndarray]:
         pose_ns, positions, before = poses
@@ -252,7 +253,12 @@ def _pose(message: Any, received_ns: int) -> tuple[str, int, tuple[float, ...]]:
 def _transforms(message: Any, received_ns: int) -> list[Transform]:
     """Transforms of a ``TFMessage``."""
     return [
-        Transform(each.header.frame_id, each.child_frame_id, nanoseconds(each), _pose_in(each.transform))
+        Transform(
+            each.header.frame_id.lstrip("/"),
+            each.child_frame_id.lstrip("/"),
+            nanoseconds(each),
+            _pose_in(each.transform),
+        )
         for each in message.transforms
     ]
 
@@ -268,32 +274,21 @@ _OTHERS = {
 """Messages by the names of their topics, but for the strain."""
 
 
-def _looked_up(
-    found: Mapping[str, list[_Arrived]],
-    palm_frame: str,
-    frame: PalmFrame,
-    stamp_ns: np.ndarray,
-    run: np.ndarray,
-    max_gap_s: float,
-) -> _Poses:
-    """Poses at the stamps (n,), ns, of strain vectors of runs (n,), looked up in tf as by the nodes."""
-    target = frame.reference_frame
+def _from_tf(found: Mapping[str, list[_Arrived]], target: str, source: str) -> list[_Arrived]:
+    """Poses of one frame in another, as the nodes take them from tf."""
     static = [each for message in found[_TF_STATIC] for each in message.value]
-    position = np.full((len(run), frame.dimension), np.nan)
-    for number in range(run.max() + 1):
-        moving = [each for message in found[_TF] if message.run == number for each in message.value]
-        rows = np.flatnonzero(run == number)
-        poses, known = look_up(static, moving, target, palm_frame, stamp_ns[rows], max_gap_s)
-        turns = Rotation.from_matrix(poses[:, :3, :3])
-        position[rows[known]] = frame.positions(target, poses[:, :3, 3], turns.as_quat())[known]
-    rows = np.flatnonzero(np.isfinite(position).all(axis=1))
+    rows, stamp_ns, poses = combined(static, [each.value for each in found[_TF]], target, source)
     if not len(rows):
-        transforms = [each for message in (*found[_TF], *found[_TF_STATIC]) for each in message.value]
-        names = {name.lstrip("/") for each in transforms for name in (each.parent, each.child)}
-        wanted = f"{palm_frame} in {target}"
-        frames = f"frames {listed(sorted(names))}"
-        raise ScanError(f"{_TF}: expected {wanted}, found it at no stamp of the strain; {frames}")
-    return _Poses(stamp_ns[rows], position[rows], rows + 1)
+        transforms = chain(static, *(message.value for message in found[_TF]))
+        names = sorted({name for each in transforms for name in (each.parent, each.child)})
+        frames = f"the frames {listed(names)}, which do not connect them"
+        raise ScanError(f"{_TF}: expected moving transforms from {source} to {target}, found {frames}")
+    numbers = np.hstack([poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3]).as_quat()])
+    values = zip(stamp_ns.tolist(), map(tuple, numbers.tolist()), strict=True)
+    return [
+        found[_TF][row]._replace(value=(target, *value))
+        for row, value in zip(rows.tolist(), values, strict=True)
+    ]
 
 
 def _positions(poses: Sequence[_Arrived], frame: PalmFrame, topic: str, notes: list[str]) -> _Poses:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from tactile_localizer.core.geometry.transforms import Transform, look_up
+from tactile_localizer.core.geometry.transforms import Transform, combined
 
 MS = 1_000_000
-STAMPS_NS = np.arange(0, 200, 7) * MS
+STAMPS_NS = np.arange(0, 204, 7) * MS
 
 
 def matrices(place, turn):
@@ -30,47 +30,53 @@ def random_link(rng, parent, child, stamps_ms):
 
 def test_frames_are_followed_up_and_down_the_tree():
     rng = np.random.default_rng(0)
-    arm, of_arm = random_link(rng, "base", "arm", [0, 50, 90, 130, 200])
-    palm, of_palm = random_link(rng, "arm", "palm", [0, 60, 200])
-    table, of_table = random_link(rng, "base", "table", [0, 200])
+    arm, of_arm = random_link(rng, "base", "arm", [0, 49, 91, 133, 203])
+    palm, of_palm = random_link(rng, "arm", "palm", [0, 63, 203])
+    table, of_table = random_link(rng, "base", "table", [0, 203])
     fixture, of_fixture = random_link(rng, "table", "fixture", [0])
-    moving = [*palm, *arm, *table]
-    rng.shuffle(moving)  # the order of receipt does not matter
-    moving = [Transform(*one) for one in moving]
-    poses, found = look_up(fixture, moving, "fixture", "palm", STAMPS_NS, 1.0)
+    lamp, _ = random_link(rng, "base", "lamp", [0, 203])
+    moving = [*palm[:-1], *table, *lamp]
+    messages = [[each] for each in moving] + [[each] for each in arm] + [palm[-1:]]
+    rows, stamp_ns, poses = combined(fixture, messages, "fixture", "palm")
+    assert (stamp_ns // MS).tolist() == [49, 63, 203], "the oldest of the newest"
+    assert rows.tolist() == [len(moving) + 1, len(moving) + 2, len(messages) - 1]
     expected = np.linalg.inv(of_table @ of_fixture) @ of_arm @ of_palm
-    np.testing.assert_allclose(poses, expected, atol=1e-12)
-    assert found.all()
+    np.testing.assert_allclose(poses, expected[np.searchsorted(STAMPS_NS, stamp_ns)], atol=1e-12)
 
 
 def line(*stamps_ms, parent="base", child="palm", w=1.0):
-    return [Transform(parent, child, ms * MS, (ms, 0.0, 0.0, 0.0, 0.0, 0.0, w)) for ms in stamps_ms]
+    return [[Transform(parent, child, ms * MS, (ms, 0.0, 0.0, 0.0, 0.0, 0.0, w))] for ms in stamps_ms]
 
 
-def found_at(moving, *stamps_ms, target="base", source="palm", static=()):
-    poses, found = look_up(static, moving, target, source, np.array(stamps_ms) * MS, 0.1)
-    return [round(x) if ok else None for x, ok in zip(poses[:, 0, 3].tolist(), found.tolist(), strict=True)]
+def places(messages, target="base", source="palm", static=()):
+    """Stamp (ms) and x of each pose."""
+    _, stamp_ns, poses = combined([each for message in static for each in message], messages, target, source)
+    return list(zip((stamp_ns // MS).tolist(), poses[:, 0, 3].round(6).tolist(), strict=True))
 
 
-def test_nothing_is_found_outside_of_the_transforms_or_in_a_gap():
-    assert found_at(line(10, 110, 211), 9, 10, 60, 110, 150, 211, 212) == [None, 10, 60, 110, None, 211, None]
+def test_each_newer_transform_gives_a_pose_and_late_ones_none():
+    assert places(line(10, 30, 20, 30, 40)) == [(10, 10), (30, 30), (40, 40)]
 
 
-def test_frames_that_are_not_connected_are_not_found():
-    assert found_at(line(10, 20), 15, source="tool") == [None]
-    assert found_at(line(10, 20, parent="a", child="b") + line(10, 20, parent="b", child="a"), 15) == [None]
-    assert found_at(line(10, 20), 15, source="base") == [0]
+def test_frames_that_are_not_connected_give_no_pose():
+    assert places(line(10, 20), source="tool") == []
+    assert places(line(10, 20, parent="a", child="b") + line(10, 20, parent="b", child="a")) == []
+    assert places(line(10, 20), source="base") == []
+    assert places([], static=line(10)) == [], "nothing moves"
 
 
 @pytest.mark.parametrize("w", [np.nan, 0.9, 0.0])
 def test_transforms_that_tf2_ignores_are_ignored(w):
-    assert found_at(line(10, 20) + line(15, w=w), 15) == [15]
+    assert places([*line(10), *line(15, w=w), *line(20)]) == [(10, 10), (20, 20)]
 
 
 def test_static_transforms_always_hold():
-    assert found_at(line(10, 20), 15, source="tip", static=line(3, parent="palm", child="tip")) == [18]
+    static = line(2, 3, parent="palm", child="tip")
+    assert places(line(10, 20), source="tip", static=static) == [(10, 13), (20, 23)]
 
 
-def test_of_equal_stamps_the_first_counts_and_slashes_do_not():
-    other = [each._replace(pose=(99.0, *each.pose[1:])) for each in line(10)]
-    assert found_at([*line(10, 20, parent="/base", child="/palm"), *other], 10) == [10]
+def test_transforms_from_before_a_jump_are_forgotten():
+    arm = line(5000, 100, 200, parent="base", child="arm")
+    palm = line(5000, 100, 200, parent="arm", child="palm")
+    messages = [message for pair in zip(arm, palm, strict=True) for message in pair]
+    assert places(messages) == [(5000, 10_000), (100, 200), (200, 400)]

@@ -94,16 +94,26 @@ def test_poses_are_looked_up_in_tf(tmp_path):
     np.testing.assert_array_equal(sweep.stamp_ns, START + STRAIN_MS * MS)
     np.testing.assert_allclose(sweep.position[:, 0], x_at(STRAIN_MS) + 0.001)
     assert sweep.gaps == 3
-    frame = PalmFrame(SCENE.axes, reference_frame="flange", material_pose=[0.0, 0.01, 0, 0, 0, 0])
-    (fixed,) = read_bag(bag, SCENE, palm_frame="/tool0", frame=frame).sweeps
-    np.testing.assert_allclose(fixed.position, np.tile([0.001, 0.01], (200, 1)))
+    frame = PalmFrame(SCENE.axes, reference_frame="base_link", material_pose=[0.001, 0.01, 0, 0, 0, 0])
+    (moved,) = read_bag(bag, SCENE, palm_frame="/tool0", frame=frame).sweeps
+    np.testing.assert_allclose(moved.position, np.stack([x_at(STRAIN_MS), np.full(197, 0.01)], axis=1))
 
 
 def test_transforms_too_far_apart_leave_a_gap(tmp_path):
-    (sweep,) = read_bag(write(tmp_path / "bag", felt() + arm(step=200)), SCENE, palm_frame="tool0").sweeps
-    assert (len(sweep), sweep.gaps) == (5, 195)
-    bag = write(tmp_path / "other", felt() + arm(step=200))
+    bag = write(tmp_path / "bag", felt() + arm(step=200))
+    recording = read_bag(bag, SCENE, palm_frame="tool0")
+    assert [(len(sweep), sweep.gaps) for sweep in recording.sweeps] == [(5, 195)]
+    assert "/tf: the poses are 0.2 s apart" in recording.notes[0]
     assert len(read_bag(bag, SCENE, palm_frame="tool0", max_gap_s=0.2)) == 161
+
+
+def test_two_publishers_of_a_transform_are_a_finding(tmp_path):
+    other = [
+        tf("/tf", ms + 10, transform(ms + 10, "base_link", "flange", x=0.03)) for ms in range(0, 990, 20)
+    ]
+    happened = sorted(felt() + arm() + other, key=lambda one: one[2])
+    (note,) = read_bag(write(tmp_path / "bag", happened), SCENE, palm_frame="tool0").notes
+    assert note.startswith("/tf: the position jumps by ")
 
 
 def test_transforms_before_a_jump_do_not_count_after_it(tmp_path):
@@ -125,7 +135,9 @@ def test_the_option_for_tf_and_its_frames_are_named(tmp_path):
     bag = write(tmp_path / "bag", felt() + arm())
     with pytest.raises(ScanError, match=r"expected messages of /palm_pose, found .*--palm-frame FRAME"):
         read_bag(bag, SCENE)
-    with pytest.raises(ScanError, match=r"wrist in base_link, found .* base_link, flange, lamp, tool0, w"):
+    with pytest.raises(
+        ScanError, match=r"from wrist to base_link, found .* base_link, flange, lamp, tool0, w"
+    ):
         read_bag(bag, SCENE, palm_frame="wrist")
     with pytest.raises(ScanError, match=r"expected messages of /tf, found /strain"):
         read_bag(write(tmp_path / "none", felt()), SCENE, palm_frame="tool0")
