@@ -91,7 +91,7 @@ class DriverNode(ManagedNode):
             self._driver,
             self._health,
             parameters["stale_timeout_s"],
-            lambda: self.count_publishers("strain"),
+            lambda: self.count_publishers(self.resolve_topic_name("strain")),
         )
         self._message = StrainVectors(phalanges=phalanges, channels=protocol.channels.counts)
         self._message.header.frame_id = parameters["frame_id"]

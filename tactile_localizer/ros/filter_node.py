@@ -45,12 +45,10 @@ from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.ros.publishers.estimates import EstimatePublisher, standard_deviations
 from tactile_localizer.ros.publishers.maps import MapPublisher
 from tactile_localizer.ros.publishers.material_transform import MaterialBroadcaster
-from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
+from tactile_localizer.ros.subscriptions.tactile_inputs import INPUTS, TactileInputs
 from tactile_localizer.scene import Scene
 from tactile_localizer.srv import LoadScan
 
-_INPUTS = ("strain", "palm_pose")
-"""Topics without which there is no estimate."""
 _NUMBERS = re.compile(r"\(\d+ publishers?\)|[\d.]+")
 _WATCH_PERIOD_S, _WATCHES_PER_STATUS = 0.1, 10
 
@@ -159,7 +157,7 @@ class FilterNode(ManagedNode):
         self._stale = ""
         self._warned: set[str] = set()
         self._arrivals = Increments()
-        self._last_ns = dict.fromkeys((*_INPUTS, "estimate"), self.now_ns)
+        self._last_ns = dict.fromkeys((*INPUTS, "estimate"), self.now_ns)
         self._age_s = dict.fromkeys(self._last_ns, 0.0)
 
     def _on_pairs(self, pairs: list[Pair[StrainSample]]) -> None:
@@ -268,13 +266,13 @@ class FilterNode(ManagedNode):
             return " and ".join(map(inputs.absence, silent))
         strain_ns, pose_ns = inputs.pairing.newest_ns or 0, inputs.pairing.newest_pose_ns or 0
         late = "palm_pose" if pose_ns < strain_ns else "strain"
-        invalid = map(inputs.problems.get, _INPUTS)
+        invalid = map(inputs.problems.get, INPUTS)
         reasons = (*invalid, sparse, inputs.misalignment(timeout_s / 2), self._online.last_error)
         return next(filter(None, reasons), inputs.absence(late))
 
     def _silent(self) -> list[str]:
         """Topics of which nothing has arrived recently."""
-        return [topic for topic in _INPUTS if self._age_s[topic] > self.parameters["stale_timeout_s"]]
+        return [topic for topic in INPUTS if self._age_s[topic] > self.parameters["stale_timeout_s"]]
 
     def _problem(self) -> str:
         """What is wrong with the inputs; empty if nothing is."""

@@ -34,7 +34,7 @@ from tactile_localizer.ros.conversions import from_ns
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 from tactile_localizer.ros.mapping_parameters import PARAMETERS
 from tactile_localizer.ros.publishers.maps import MapPublisher
-from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
+from tactile_localizer.ros.subscriptions.tactile_inputs import INPUTS, TactileInputs
 
 _STATUS_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _COMMIT_PERIOD_S = 0.2
@@ -81,7 +81,8 @@ class MappingNode(ManagedNode):
         self.defer(self._end_recording)
         self._rate = 0.0
         self._last_sweep: int | None = None
-        self._losses, self._pairs = Increments(), Increments()
+        self._losses, self._pairs, self._arrivals = Increments(), Increments(), Increments()
+        self._is_absent = False
         self._write_error = ""
         self._ending: list[Ending] = []
         self._changed = 0, 0
@@ -201,9 +202,12 @@ class MappingNode(ManagedNode):
         losses = self._losses.describe(totals)
         new_pairs = self._pairs.since({"pairs": recorder.pairs})["pairs"]
         self._rate = new_pairs / self._pairs.elapsed_s
-        if recorder.is_active and not new_pairs and not losses:
-            losses = ["no samples received"]
-        errors = "; ".join(filter(None, [self._write_error, *self._inputs.problems.values()]))
+        arrived = self._arrivals.since(self._inputs.received)
+        absent = [self._inputs.absence(topic) for topic in INPUTS if not arrived.get(topic)]
+        if absent and not self._is_absent:
+            self.get_logger().warning(" and ".join(absent))
+        self._is_absent = bool(absent)
+        errors = "; ".join(filter(None, [self._write_error, *self._inputs.problems.values(), *absent]))
         misaligned = self._inputs.misalignment(self.parameters["patience_s"])
         began_ns = self._recorder.began_ns
         is_late = began_ns is not None and self._inputs.newest_ns - began_ns > _STILL_NS

@@ -114,7 +114,7 @@ def test_the_map_is_latched_after_a_sweep(node_process, probe, files):
 def test_diagnostics_describe_recording_and_losses(node_process, probe, files):
     from diagnostic_msgs.msg import DiagnosticStatus
 
-    node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
     reports = probe.diagnostics()
 
@@ -126,10 +126,14 @@ def test_diagnostics_describe_recording_and_losses(node_process, probe, files):
 
     probe.until(latest, "diagnostics")
     assert poses() == 0
-    assert (latest().name, latest().level) == ("tactile_mapping: scan", DiagnosticStatus.OK)
+    silence = "no strain on /strain (1 publisher); no palm_pose on /palm_pose (1 publisher)"
+    probe.until(lambda: latest().message == f"no active sweep: {silence}", "an error of silence")
+    assert (latest().name, latest().level) == ("tactile_mapping: scan", DiagnosticStatus.ERROR)
+    process.wait_for_line("WARN.*no strain on /strain")
+    probe.until(lambda: hand.slide(40) or latest().level != DiagnosticStatus.ERROR, "no error")
+    assert process.output.count("WARN") == 1
     hand.service("start_sweep")
-    probe.until(lambda: "no samples received" in latest().message, "a warning of silence")
-    assert latest().level == DiagnosticStatus.WARN
+    before = hand.now_ms // 20
     hand.slide(100)
     hand.slide(200, poses=False)
     hand.slide(100)
@@ -140,7 +144,7 @@ def test_diagnostics_describe_recording_and_losses(node_process, probe, files):
     hand.slide(40)
     probe.until(lambda: latest().level == DiagnosticStatus.ERROR, "an error")
     assert "frame 'map'" in latest().message
-    assert poses() == 10, "only valid poses count"
+    assert poses() == before + 10, "only valid poses count"
 
 
 def test_a_full_disk_is_survived(node_process, probe, files):

@@ -45,6 +45,9 @@ _LONG_S = 0.1
 _POSES = 2000
 """Number of poses whose motion is judged."""
 
+INPUTS = ("strain", "palm_pose")
+"""Names of the inputs."""
+
 SYNCHRONIZATION = (
     Parameter(
         "max_gap_s", DEFAULT_MAX_GAP_S, "Longest interval between poses that is interpolated", "s", 0.0, 10.0
