@@ -53,8 +53,8 @@ def read_messages(
     Raises
     ------
     CanError
-        The file cannot be read or is not a DBC; a phalanx has no message; a message belongs to two phalanges,
-        is twice in the DBC, or contradicts itself.
+        The file cannot be read or is not a DBC; a phalanx has no message; a message is twice in the DBC, or
+        contradicts itself.
     """
     try:
         text = _decoded(Path(path).read_bytes())
@@ -103,7 +103,6 @@ def _choose(
     phalanges: Sequence[str], messages: Mapping[str, Sequence[str]], names: Sequence[str]
 ) -> list[list[str]]:
     """Messages of each phalanx, as listed."""
-    owners: dict[str, str] = {}
     chosen = []
     for phalanx in phalanges:
         pattern = re.compile(re.escape(phalanx) + r"(_([A-Za-z]|\d+))?")
@@ -118,12 +117,6 @@ def _choose(
                 raise CanError(
                     f"phalanx {phalanx!r}: message {reference!r} is not in the DBC, which has {listed(names)}"
                 )
-            if reference in owners:
-                raise CanError(
-                    f"message {reference!r}: expected one phalanx, found {owners[reference]!r} and "
-                    f"{phalanx!r}; give boards of one kind their identifiers: {_name_of(reference)}@0x182"
-                )
-            owners[reference] = phalanx
         chosen.append(own)
     return chosen
 

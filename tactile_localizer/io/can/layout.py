@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import TypeAlias
 
 from can.util import dlc2len, len2dlc
@@ -130,10 +131,13 @@ def compile_layout(
         if any(message.counter and message.counter.is_float for message in own):
             raise CanError(f"phalanx {phalanx!r}: expected an integer {counter!r}, found a float")
         found += own
-    for key in {message.key for message in found}:
-        shared = [message.definition.name for message in found if message.key == key]
-        if len(shared) > 1:
-            raise CanError(f"frame 0x{key[0]:X}: expected one message, found {', '.join(shared)}")
+    for one, other in combinations(found, 2):
+        if one.key == other.key:
+            raise CanError(
+                f"message {one.name}: expected it once, found it in {phalanges[one.phalanx]} and "
+                f"{phalanges[other.phalanx]}; give boards of one kind their identifiers: "
+                f"{one.definition.name}@0x182"
+            )
     return tuple(found), ChannelLayout(tuple(counts))
 
 
