@@ -38,13 +38,13 @@ from tactile_localizer.sim.scan import TRAINING_SWEEPS
 SCAN_SWEEPS = 2 * TRAINING_SWEEPS
 """Number of training sweeps: two along each line, so that the noise between sweeps can be learned."""
 
-_TIMEOUT_S = 120.0
+_TIMEOUT_S = 300.0
 """Time limit for each step: a start, a sweep, the loading of the scan, s."""
 _POLL_S = 0.02
-_LATE_S = 0.1
-"""Age on receipt of a message, s, from which the hand is slowed down."""
-_SLOWER = 4.0
-"""By how much."""
+_SLOWER = ((2.0, 16.0), (0.1, 4.0))
+"""Age on receipt of a message, s, from which the hand is slowed down, and by how much."""
+_SLOWEST = 0.5
+"""Speed at which poses are 80 ms apart; further apart, positions are not interpolated."""
 _DEPTH = 10_000
 """Depth of the queues: on a busy machine the recording may lag by seconds."""
 _RELIABLE = "qos_overrides./strain.{}.reliability"
@@ -100,14 +100,17 @@ class Operator:
         self._executor.add_node(self._node)
         self._node.create_timer(_POLL_S, check)
         self._node.create_timer(_POLL_S, self._pace)
-        self._speed, self._is_slow = speed, False
+        self._speed = self._wanted = speed
         self._set_speed = self._node.create_client(SetParameters, "tactile_simulator/set_parameters")
         self._late_s: dict[str, float] = {}
         self._sequence, self.lost = 0, 0
         silent = SubscriptionEventCallbacks(use_default_callbacks=False)
-        for topic, kind in TOPICS.items():
-            receive = partial(self._on_message, topic)
-            self._node.create_subscription(kind, topic, receive, _DEPTH, event_callbacks=silent, raw=True)
+        self._subscriptions = {
+            topic: self._node.create_subscription(
+                kind, topic, partial(self._on_message, topic), _DEPTH, event_callbacks=silent, raw=True
+            )
+            for topic, kind in TOPICS.items()
+        }
 
     def close(self) -> None:
         """Leave the ROS graph."""
@@ -118,22 +121,37 @@ class Operator:
             signal.signal(number, handler)
 
     def _on_message(self, topic: str, raw: bytes, info: Mapping[str, int]) -> None:
-        self._record(topic, raw, info["source_timestamp"])
-        message = self.newest[topic] = deserialize_message(raw, TOPICS[topic])
+        """Record a message, and those behind it: one by one the executor takes ten times as long."""
+        subscription, taken = self._subscriptions[topic], [(raw, info)]
+        while len(taken) < _DEPTH:
+            with subscription.handle:
+                following = subscription.handle.take_message(subscription.msg_type, True)
+            if following is None:
+                break
+            taken.append(following)
+        for raw, info in taken:
+            self._record(topic, raw, info["source_timestamp"])
+        message = self.newest[topic] = deserialize_message(taken[-1][0], TOPICS[topic])
         if topic == "/diagnostics":
-            self.newest |= {status.name: status for status in message.status}
+            for raw, _ in taken:
+                self.newest |= {
+                    status.name: status for status in deserialize_message(raw, DiagnosticArray).status
+                }
         if topic in ("/strain", "/palm_pose", "/tactile_mapping/status", "/tactile_filter/posterior"):
             self._late_s[topic] = 1e-9 * (time.time_ns() - to_ns(message.header.stamp))
         if topic == "/strain":
-            self.lost += max(message.sequence[0] - self._sequence - 1, 0) if self._sequence else 0
+            first = self._sequence or deserialize_message(taken[0][0], StrainVectors).sequence[0] - 1
+            self.lost += max(message.sequence[0] - first - len(taken), 0)
             self._sequence = message.sequence[0]
 
     def _pace(self) -> None:
         """Slow the simulated hand down while the nodes or the recording are late, before a queue is full."""
-        is_slow = max(self._late_s.values(), default=0.0) > _LATE_S
-        if is_slow != self._is_slow and self._set_speed.service_is_ready():
-            self._is_slow = is_slow
-            self._set_speed.call_async(_request(speed=self._speed / _SLOWER if is_slow else self._speed))
+        late_s = max(self._late_s.values(), default=0.0)
+        slower = next((factor for age_s, factor in _SLOWER if late_s > age_s), 1.0)
+        wanted = max(self._speed / slower, min(self._speed, _SLOWEST))
+        if wanted != self._wanted and self._set_speed.service_is_ready():
+            self._wanted = wanted
+            self._set_speed.call_async(_request(speed=wanted))
 
     def until(self, condition: Callable[[], Any], what: str) -> None:
         """Receive messages until ``condition`` is true.

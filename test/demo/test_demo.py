@@ -85,6 +85,8 @@ def test_a_recording_that_is_late_slows_the_hand_down_and_keeps_the_times_of_sen
             wait_until(lambda: len(sent_ns) > 10, "messages")
             begun_ns = time.time_ns()
             operator.until(lambda: hand.get_parameter("speed").value == 2.5, "a slower hand")
+            age_s[0] = 3.0
+            operator.until(lambda: hand.get_parameter("speed").value == 0.625, "a slow hand")
             age_s[0] = 0.0
             operator.until(lambda: hand.get_parameter("speed").value == 10.0, "a hand at full speed")
         finally:
@@ -99,7 +101,7 @@ def test_a_recording_that_is_late_slows_the_hand_down_and_keeps_the_times_of_sen
 def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     folder = tmp_path / "demo"
     demo = process(["tactile-localizer", "demo", "--out", folder, "--speed", "12", "--sweeps", "3"])
-    status = demo.wait(timeout_s=300.0)
+    status = demo.wait(timeout_s=600.0)
     steps, replayed = demo.output.split("$ tactile-localizer replay ")
     assert "sweep  3: " in steps
     assert "\nlocalized: 3 of 3 sweeps right" in replayed, demo.output
