@@ -21,8 +21,8 @@ from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.range import ScanRange
+from tactile_localizer.io.bags.conversions import stamp_of as bag_stamp_of
 from tactile_localizer.io.bags.recording import read_bag
-from tactile_localizer.io.bags.sweeps import stamp_of as bag_stamp_of
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.ros.online_localizer import OnlineLocalizer

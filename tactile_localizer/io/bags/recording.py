@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from itertools import chain
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,36 +14,24 @@ from scipy.spatial.transform import Rotation
 from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.core.geometry.runs import NANOSECONDS, STRAIN, Runs, runs_of
 from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S, pair_recorded
-from tactile_localizer.core.geometry.transforms import Transform, combined
+from tactile_localizer.core.geometry.transforms import combined
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import MeasurementError, ScanError, listed
+from tactile_localizer.io.bags.conversions import CONVERTED, TF, TF_STATIC, adapted_strain, converted_strain
 from tactile_localizer.io.bags.reader import BagMessages, Wanted, absolute, read_messages
 from tactile_localizer.io.bags.sweeps import (
     TOPICS,
     WHOLE_BAG,
     Change,
     Span,
-    change_of_status,
     localized_spans,
     moving_spans,
-    nanoseconds,
     spans,
-    stamp_of,
-    travel_of,
 )
 from tactile_localizer.io.recording import RecordedSweep, Recording, join, late_notes, pose_notes
-from tactile_localizer.io.strain_adapter import StrainAdapter, StrainVector
-from tactile_localizer.io.strain_vectors import StrainReader
+from tactile_localizer.io.strain_adapter import StrainAdapter
 from tactile_localizer.scene import Scene
 
-_POSES = {
-    "geometry_msgs/msg/PoseStamped": "pose",
-    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose",
-    "nav_msgs/msg/Odometry": "pose.pose",
-    "geometry_msgs/msg/TransformStamped": "transform",
-}
-"""Message types of poses in the frame of the header, and the field of the pose."""
-_TF, _TF_STATIC = "/tf", "/tf_static"
 _MOST_DELAY_NS = NANOSECONDS // 10
 """Largest difference between the delays of strain and poses, ns (judgement): 5 mm at 50 mm/s."""
 
@@ -70,6 +56,7 @@ class _Arrived(NamedTuple):
 
     Parameters
     ----------
+    value : what the message was converted to
     run : run of the strain in which it arrived, or :data:`LATE`
     strain_before : number of strain vectors before it
     received_ns : time of receipt, ns
@@ -130,20 +117,20 @@ def read_bag(
     frame = frame or PalmFrame(scene.axes, reference_frame="base_link")
     default = {name: topic for name, (topic, _) in TOPICS.items()}
     names = {name: absolute(topic) for name, topic in {**default, **(topics or {})}.items()}
-    strains = _strain(scene, names["strain"]) if adapter is None else _adapted(adapter, scene)
+    strains = converted_strain(scene, names["strain"]) if adapter is None else adapted_strain(adapter, scene)
     names["strain"] = next(iter(strains))
     if palm_frame:
         del names["pose"]
-        names |= {_TF: _TF, _TF_STATIC: _TF_STATIC}
+        names |= {TF: TF, TF_STATIC: TF_STATIC}
     messages = read_messages(path, _wanted(names, strains), definitions, progress)
     found, notes = _by_name(messages, names, strains), messages.notes()
-    for name in ("strain", _TF if palm_frame else "pose"):
+    for name in ("strain", TF if palm_frame else "pose"):
         if not found[name]:
             raise _nothing_on(path, names[name], messages, notes)
     stamp_ns, strain, status = map(np.array, zip(*(each.value for each in found["strain"]), strict=True))
     run = np.array([each.run for each in found["strain"]])
     notes += late_notes(run, "strain vectors")
-    topic = names.get("pose", _TF)
+    topic = names.get("pose", TF)
     if palm_frame:
         found["pose"] = _from_tf(found, frame.reference_frame, palm_frame.lstrip("/"))
     poses = _positions(found["pose"], frame, topic, notes)
@@ -175,7 +162,7 @@ def read_bag(
 
 def _wanted(names: Mapping[str, str], strains: Mapping[str, Wanted]) -> dict[str, Wanted]:
     """What to read of each topic, of which ``strains`` are those with strain."""
-    others = {topic: _OTHERS[name] for name, topic in names.items() if name != "strain"}
+    others = {topic: CONVERTED[name] for name, topic in names.items() if name != "strain"}
     if len(others) < len(names) - 1 or others.keys() & strains.keys():
         used = ", ".join([*names.values(), *list(strains)[1:]])
         raise ScanError(f"topics: expected different ones, got {used}")
@@ -201,7 +188,7 @@ def _by_name(
 def _nothing_on(path: str | Path, topic: str, messages: BagMessages, notes: list[str]) -> ScanError:
     there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items()))
     reasons = "; ".join([there or "no topics", *notes])
-    advice = "; --palm-frame FRAME looks the pose up in tf" if _TF in messages.topics and topic != _TF else ""
+    advice = "; --palm-frame FRAME looks the pose up in tf" if TF in messages.topics and topic != TF else ""
     return ScanError(f"{path}: expected messages of {topic}, found {reasons}{advice}")
 
 
@@ -237,56 +224,19 @@ def _sweep(samples: RecordedSweep, rows: np.ndarray, has_position: np.ndarray, s
     return samples.part(inside & has_position, span.number, gaps=int(np.sum(inside & ~has_position)))
 
 
-def _pose_in(pose: Any) -> tuple[float, ...]:
-    """Position and quaternion of a ``Pose`` or a ``Transform``."""
-    names = ("translation", "rotation") if hasattr(pose, "translation") else ("position", "orientation")
-    p, q = (getattr(pose, name) for name in names)
-    return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
-
-
-def _pose(message: Any, received_ns: int) -> tuple[str, int, tuple[float, ...]]:
-    """Frame, stamp (ns), position and quaternion of one of the types of :data:`_POSES`."""
-    pose = attrgetter(_POSES[message.__msgtype__])(message)
-    return message.header.frame_id, stamp_of(message), _pose_in(pose)
-
-
-def _transforms(message: Any, received_ns: int) -> list[Transform]:
-    """Transforms of a ``TFMessage``."""
-    return [
-        Transform(
-            each.header.frame_id.lstrip("/"),
-            each.child_frame_id.lstrip("/"),
-            nanoseconds(each),
-            _pose_in(each.transform),
-        )
-        for each in message.transforms
-    ]
-
-
-_OTHERS = {
-    "pose": Wanted(tuple(_POSES), _pose),
-    "truth": Wanted(tuple(_POSES), _pose),
-    "status": Wanted(("tactile_localizer/msg/ScanStatus",), change_of_status),
-    "posterior": Wanted(("tactile_localizer/msg/Posterior",), travel_of),
-    "active": Wanted(("std_msgs/msg/Bool",), lambda message, received_ns: int(message.data)),
-    **dict.fromkeys((_TF, _TF_STATIC), Wanted(("tf2_msgs/msg/TFMessage",), _transforms)),
-}
-"""Messages by the names of their topics, but for the strain."""
-
-
 def _from_tf(found: Mapping[str, list[_Arrived]], target: str, source: str) -> list[_Arrived]:
     """Poses of one frame in another, as the nodes take them from tf."""
-    static = [each for message in found[_TF_STATIC] for each in message.value]
-    rows, stamp_ns, poses = combined(static, [each.value for each in found[_TF]], target, source)
+    static = [each for message in found[TF_STATIC] for each in message.value]
+    rows, stamp_ns, poses = combined(static, [each.value for each in found[TF]], target, source)
     if not len(rows):
-        transforms = chain(static, *(message.value for message in found[_TF]))
+        transforms = chain(static, *(message.value for message in found[TF]))
         names = sorted({name for each in transforms for name in (each.parent, each.child)})
         frames = f"the frames {listed(names)}, which do not connect them"
-        raise ScanError(f"{_TF}: expected moving transforms from {source} to {target}, found {frames}")
+        raise ScanError(f"{TF}: expected moving transforms from {source} to {target}, found {frames}")
     numbers = np.hstack([poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3]).as_quat()])
     values = zip(stamp_ns.tolist(), map(tuple, numbers.tolist()), strict=True)
     return [
-        found[_TF][row]._replace(value=(target, *value))
+        found[TF][row]._replace(value=(target, *value))
         for row, value in zip(rows.tolist(), values, strict=True)
     ]
 
@@ -309,28 +259,3 @@ def _positions(poses: Sequence[_Arrived], frame: PalmFrame, topic: str, notes: l
     stamp_ns, position, before = stamp_ns[valid], position[valid], before[valid]
     notes += late_notes(runs_of(stamp_ns), f"poses of {topic}")
     return _Poses(stamp_ns, position, before)
-
-
-def _strain(scene: Scene, topic: str) -> dict[str, Wanted]:
-    """``StrainVectors`` reduced to the phalanges of a scene."""
-    reader = StrainReader(scene)
-
-    def convert(message: Any, received_ns: int) -> StrainVector:
-        return StrainVector(stamp_of(message), *reader.read(message))
-
-    return {topic: Wanted(("tactile_localizer/msg/StrainVectors",), convert)}
-
-
-def _adapted(adapter: StrainAdapter, scene: Scene) -> dict[str, Wanted]:
-    """Topics of an adapter, whose messages become strain vectors of the scene's phalanges."""
-    rows = scene.rows(adapter.phalanges)
-    channels = scene.channels(adapter.phalanges, adapter.layout.counts)
-    adapter.reset()
-
-    def convert(topic: str, message: Any, received_ns: int) -> StrainVector | None:
-        vector = adapter.feed(topic, message, received_ns)
-        return vector and StrainVector(vector.stamp_ns, vector.strain[channels], vector.status[rows])
-
-    return {
-        absolute(topic): Wanted((kind,), partial(convert, topic)) for topic, kind in adapter.topics.items()
-    }

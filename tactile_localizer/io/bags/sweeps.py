@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
-from tactile_localizer.errors import MeasurementError
 
 TOPICS = {
     "strain": ("/strain", "strain vectors"),
@@ -48,35 +47,6 @@ class Travel(NamedTuple):
 
     stamp_ns: int
     travel_m: float
-
-
-def stamp_of(message: Any) -> int:
-    """Stamp in the header of a message, ns.
-
-    Raises
-    ------
-    MeasurementError
-        It is 0.
-    """
-    if not (stamp_ns := nanoseconds(message)):
-        raise MeasurementError("expected a stamp, found 0: the clock of the sender has not started")
-    return stamp_ns
-
-
-def change_of_status(message: Any, received_ns: int) -> Change:
-    """Convert a ``ScanStatus``."""
-    return Change(nanoseconds(message), int(message.sweep) if message.sweep_active else 0)
-
-
-def travel_of(message: Any, received_ns: int) -> Travel:
-    """Convert a ``Posterior``."""
-    return Travel(nanoseconds(message), float(message.travel))
-
-
-def nanoseconds(message: Any) -> int:
-    """Stamp in the header of a message, ns; 0 where it is not filled in."""
-    stamp = message.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def moving_spans(detector: SweepDetector, stamp_ns: np.ndarray, position: np.ndarray) -> list[Span]:

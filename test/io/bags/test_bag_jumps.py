@@ -15,8 +15,8 @@ from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import MeasurementError, ScanError
+from tactile_localizer.io.bags.conversions import stamp_of
 from tactile_localizer.io.bags.recording import read_bag
-from tactile_localizer.io.bags.sweeps import stamp_of
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scans.recorder import SweepRecorder

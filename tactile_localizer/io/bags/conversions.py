@@ -1,0 +1,115 @@
+"""Conversion of the messages of a bag."""
+
+from __future__ import annotations
+
+from functools import partial
+from operator import attrgetter
+from typing import Any
+
+from tactile_localizer.core.geometry.transforms import Transform
+from tactile_localizer.errors import MeasurementError
+from tactile_localizer.io.bags.reader import Wanted, absolute
+from tactile_localizer.io.bags.sweeps import Change, Travel
+from tactile_localizer.io.strain_adapter import StrainAdapter, StrainVector
+from tactile_localizer.io.strain_vectors import StrainReader
+from tactile_localizer.scene import Scene
+
+TF, TF_STATIC = "/tf", "/tf_static"
+_POSES = {
+    "geometry_msgs/msg/PoseStamped": "pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose",
+    "nav_msgs/msg/Odometry": "pose.pose",
+    "geometry_msgs/msg/TransformStamped": "transform",
+}
+"""Message types of poses in the frame of the header, and the field of the pose."""
+
+
+def stamp_of(message: Any) -> int:
+    """Stamp in the header of a message, ns.
+
+    Raises
+    ------
+    MeasurementError
+        It is 0.
+    """
+    if not (stamp_ns := _nanoseconds(message)):
+        raise MeasurementError("expected a stamp, found 0: the clock of the sender has not started")
+    return stamp_ns
+
+
+def _change_of_status(message: Any, received_ns: int) -> Change:
+    """Convert a ``ScanStatus``."""
+    return Change(_nanoseconds(message), int(message.sweep) if message.sweep_active else 0)
+
+
+def _travel_of(message: Any, received_ns: int) -> Travel:
+    """Convert a ``Posterior``."""
+    return Travel(_nanoseconds(message), float(message.travel))
+
+
+def _nanoseconds(message: Any) -> int:
+    """Stamp in the header of a message, ns; 0 where it is not filled in."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _pose_in(pose: Any) -> tuple[float, ...]:
+    """Position and quaternion of a ``Pose`` or a ``Transform``."""
+    names = ("translation", "rotation") if hasattr(pose, "translation") else ("position", "orientation")
+    p, q = (getattr(pose, name) for name in names)
+    return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+
+
+def _pose(message: Any, received_ns: int) -> tuple[str, int, tuple[float, ...]]:
+    """Frame, stamp (ns), position and quaternion of one of the types of :data:`_POSES`."""
+    pose = attrgetter(_POSES[message.__msgtype__])(message)
+    return message.header.frame_id, stamp_of(message), _pose_in(pose)
+
+
+def _transforms(message: Any, received_ns: int) -> list[Transform]:
+    """Transforms of a ``TFMessage``."""
+    return [
+        Transform(
+            each.header.frame_id.lstrip("/"),
+            each.child_frame_id.lstrip("/"),
+            _nanoseconds(each),
+            _pose_in(each.transform),
+        )
+        for each in message.transforms
+    ]
+
+
+CONVERTED = {
+    "pose": Wanted(tuple(_POSES), _pose),
+    "truth": Wanted(tuple(_POSES), _pose),
+    "status": Wanted(("tactile_localizer/msg/ScanStatus",), _change_of_status),
+    "posterior": Wanted(("tactile_localizer/msg/Posterior",), _travel_of),
+    "active": Wanted(("std_msgs/msg/Bool",), lambda message, received_ns: int(message.data)),
+    **dict.fromkeys((TF, TF_STATIC), Wanted(("tf2_msgs/msg/TFMessage",), _transforms)),
+}
+"""Messages by the names of their topics, but for the strain."""
+
+
+def converted_strain(scene: Scene, topic: str) -> dict[str, Wanted]:
+    """``StrainVectors`` reduced to the phalanges of a scene."""
+    reader = StrainReader(scene)
+
+    def convert(message: Any, received_ns: int) -> StrainVector:
+        return StrainVector(stamp_of(message), *reader.read(message))
+
+    return {topic: Wanted(("tactile_localizer/msg/StrainVectors",), convert)}
+
+
+def adapted_strain(adapter: StrainAdapter, scene: Scene) -> dict[str, Wanted]:
+    """Topics of an adapter, whose messages become strain vectors of the scene's phalanges."""
+    rows = scene.rows(adapter.phalanges)
+    channels = scene.channels(adapter.phalanges, adapter.layout.counts)
+    adapter.reset()
+
+    def convert(topic: str, message: Any, received_ns: int) -> StrainVector | None:
+        vector = adapter.feed(topic, message, received_ns)
+        return vector and StrainVector(vector.stamp_ns, vector.strain[channels], vector.status[rows])
+
+    return {
+        absolute(topic): Wanted((kind,), partial(convert, topic)) for topic, kind in adapter.topics.items()
+    }
