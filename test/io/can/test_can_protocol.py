@@ -412,6 +412,47 @@ def test_unusable_databases_are_refused(tmp_path: Path, name: str) -> None:
     assert "\n" not in str(refusal.value)
 
 
+DAMAGE = [
+    "9",
+    "-",
+    "|",
+    "@",
+    "m0",
+    "M",
+    '"',
+    ";",
+    "99999999999",
+    "\n",
+    "SG_ ",
+    "BO_ ",
+    "\xff",
+    "\0",
+    "index",
+    "",
+]
+
+
+@given(
+    damage=st.lists(
+        st.tuples(st.floats(0, 1), st.integers(0, 40), st.sampled_from(DAMAGE)), min_size=1, max_size=4
+    )
+)
+def test_a_damaged_dbc_is_read_or_refused_in_one_line(
+    tmp_path_factory: pytest.TempPathFactory, damage: list[tuple[float, int, str]]
+) -> None:
+    text = HEAD + BESIDE_TEMPERATURE
+    for place, length, put in damage:
+        begin = int(place * len(text))
+        text = text[:begin] + put + text[begin + length :]
+    path = write(tmp_path_factory.mktemp("dbc") / "damaged.dbc", text)
+    try:
+        hand = LoadCellProtocol(path, ["index"])
+    except CanError as refusal:
+        assert "\n" not in str(refusal)  # noqa: PT017
+    else:
+        hand.decode(bytes(hand.size))
+
+
 FAULTS_OF_OTHERS = {
     "overlapping signals": "BO_ 1 motor: 8 hand\n"
     + "".join(f' SG_ {name} : 0|9@1- (1,0) [0|0] "" hand\n' for name in "ab"),
