@@ -141,6 +141,7 @@ class LoadCellDriver:
         self._drops_before = 0  # of earlier buses
         self._next_poll_s = 0.0
         self._started_s = 0.0  # system time at which the load cells were last started
+        self._unsent = ""  # why frames could not be sent
         self._is_foreign = True  # whether no frame was read since the last poll
         self._empty_s = 0.0  # system time at which the bus was last found empty
         self._jumps_logged = 0  # of the sender's clock
@@ -326,10 +327,14 @@ class LoadCellDriver:
             self._command(self.bus.commands.begin, bus)
 
     def _command(self, command: Callable[[can.BusABC], None], bus: can.BusABC) -> None:
+        reason = ""
         try:
             command(bus)
         except Exception as error:  # interfaces raise many types of exceptions; reading continues
-            self._log(f"CAN bus: frames could not be sent: {error.__cause__ or error}")
+            reason = f"CAN bus: frames could not be sent: {error.__cause__ or error}"
+        if reason not in ("", self._unsent):  # once, not at every attempt
+            self._log(reason)
+        self._unsent = reason
 
     def _read_queue(self, bus: can.BusABC) -> None:
         self.status.queue = receive_queue(bus) or ReceiveQueue(0, 0)

@@ -233,16 +233,26 @@ def test_load_cells_are_synchronized_and_then_stopped(
     assert sent_to(one) == [], "five periods later"
 
 
-def test_frames_that_cannot_be_sent_are_logged_and_reading_continues(
+def test_frames_that_cannot_be_sent_are_logged_once_and_reading_continues(
     line: Callable[..., Line], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    attempts: list[can.Message] = []
+
     def refuse(bus: can.BusABC, frame: can.Message, timeout: float | None = None) -> None:
+        attempts.append(frame)
         raise can.CanOperationError("transmit buffer full")
 
-    monkeypatch.setattr(VirtualBus, "send", refuse)
+    monkeypatch.setattr(driver, "_POLL_PERIOD_S", 0.0)
+    monkeypatch.setattr(driver, "SILENCE_S", 0.0)
     one = line(commands=Commands(start=parse_frames(["064#0B"])))
-    wait_until(lambda: one.status.state == OPEN, "the bus")
+    send = one.sender.send
+    monkeypatch.setattr(VirtualBus, "send", refuse)
+    wait_until(lambda: len(attempts) > 3, "attempts")
     assert one.log == ["CAN bus: frames could not be sent: transmit buffer full"]
+    monkeypatch.undo()
+    send(can.Message(arbitration_id=7, is_extended_id=False))
+    wait_until(lambda: 7 in one.received, "a frame")
+    assert one.status.state == OPEN
 
 
 @pytest.mark.parametrize(
