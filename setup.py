@@ -18,7 +18,7 @@ setup(
     packages=[*find_packages(include=["tactile_localizer", "tactile_localizer.*"]), *DATA],
     package_dir=DATA,
     package_data={
-        "tactile_localizer": ["py.typed", "offline/templates/*"],
+        "tactile_localizer": ["py.typed", "offline/reports/templates/*"],
         **{package: ["*", "*/*"] for package in DATA},
     },
 )

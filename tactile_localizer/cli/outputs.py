@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import errno
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
+from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.whole_file import whole_file, writing
 
@@ -134,14 +135,17 @@ def require_report(path: Path, args: argparse.Namespace) -> None:
     require_writable(path, args)
 
 
-def write_report(path: Path, page: str) -> None:
-    """Write a report that appears only when it is complete, and print its path.
+def write_report(path: Path, page: Callable[[], str]) -> None:
+    """Make and write a report that appears only when it is complete, and print its path.
 
     Raises
     ------
     ScanError
         The file cannot be written.
     """
+    with progress_line() as progress:
+        progress("drawing the report", 0.0)
+        text = page()
     with whole_file(path) as unfinished:
-        unfinished.write_text(page, encoding="utf-8")
+        unfinished.write_text(text, encoding="utf-8")
     print(path)

@@ -99,10 +99,10 @@ def _replay(args: argparse.Namespace, output: TextIO) -> int:
         write_picture(args.plot, replay_figure(scene, sweeps, configuration))
     notes = [*map(printable, filter(None, (*recording.notes, _misfit(scan, scene, recording))))]
     if args.report is not None:
-        from tactile_localizer.offline.report import replay_report
+        from tactile_localizer.offline.reports.replay import replay_report
 
         report = document, args.scan, scan, scene, localizer, recording, sweeps, notes
-        write_report(args.report, replay_report(*report))
+        write_report(args.report, lambda: replay_report(*report))
     for line in notes:
         print(f"note: {line}")
     _print(document, args.scan)

@@ -59,10 +59,10 @@ def _info(args: argparse.Namespace) -> int:
     lines, found = [*map(printable, lines)], [*map(printable, (*recording.notes, *found))]
     print(*lines, "findings:" if found else "no findings", *(f"  {each}" for each in found), sep="\n")
     if args.report is not None:
-        from tactile_localizer.offline.report import scan_report
+        from tactile_localizer.offline.reports.scan import scan_report
 
-        page = scan_report(args.scan, scan_of(recording, scene), scene, recording, lines, found)
-        write_report(args.report, page)
+        report = args.scan, scan_of(recording, scene), scene, recording, lines, found
+        write_report(args.report, lambda: scan_report(*report))
     return 0
 
 

@@ -21,7 +21,7 @@ from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.offline.replay_document import replay_document
-from tactile_localizer.offline.report import replay_report
+from tactile_localizer.offline.reports.replay import replay_report
 from tactile_localizer.offline.verdict import judge
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -108,6 +108,7 @@ def test_a_scans_report_has_its_totals_map_and_findings(folder: Path) -> None:
     assert page.elements.count("svg") == 4
 
 
+@pytest.mark.slow
 def test_the_same_replay_gives_the_same_report(folder: Path) -> None:
     again = folder / "again.html"
     assert run(f"replay {folder}/test.csv --scan {folder}/bump_scan --report {again}") == 0
@@ -125,6 +126,7 @@ def sheet(axes: tuple[Axis, ...], name: str = "sheet") -> Scene:
 X, Y, YAW = Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.01), Axis("yaw", -0.2, 0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axes", "options"),
     [((X,), ""), ((X, Y), "--filter particle"), ((X, YAW), ""), ((X, Y, YAW), "--config fast")],
@@ -135,7 +137,7 @@ def test_any_scene_and_name_can_be_reported(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     save_scene(sheet(axes, "<script>alert(1)</script>"), "scene.yaml")
-    rng, x, stamp_s = np.random.default_rng(0), np.linspace(0.0, 0.05, 101), 0.0
+    rng, x, stamp_s = np.random.default_rng(0), np.linspace(0.0, 0.05, 61), 0.0
     header = ",".join(
         ["stamp_s", "sweep", *(axis.name for axis in axes), *(f"<b>&$_{n}" for n in range(1, 9))]
     )

@@ -58,7 +58,7 @@ def replay_figure(
         plot.set_ylim(bottom=0.0)
         plot.grid(alpha=0.3)
     plots[-1].set_xlabel(travel_label(sweeps))
-    _add_legend(figure)
+    add_legend(figure)
     return figure
 
 
@@ -78,7 +78,7 @@ def paths_figure(
     """
     figure = Figure(figsize=size_in, layout="constrained")
     draw_paths(figure.subplots(), scene, sweeps, configuration)
-    _add_legend(figure)
+    add_legend(figure)
     return figure
 
 
@@ -111,7 +111,7 @@ def draw_paths(
     plot.set_aspect("auto" if "yaw" in scene.axis_names[:2] else "equal")
 
 
-def _add_legend(figure: Figure) -> None:
+def add_legend(figure: Figure) -> None:
     """What the colours of estimates mean, above the plots."""
     claims = {"not converged": SEARCHING, "converged": CONVERGED, "converged, wrong": WRONG}
     handles = [Line2D([], [], color=colour, lw=2.0, label=name) for name, colour in claims.items()]

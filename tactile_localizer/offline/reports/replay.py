@@ -1,77 +1,46 @@
-"""Reports to send: a replay, or a scan, as one HTML file that loads nothing from elsewhere."""
+"""The report of a replay."""
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
-from datetime import datetime, timezone
-from pathlib import Path
+from dataclasses import asdict
 from typing import Any
 
-import jinja2
 import matplotlib as mpl
 import numpy as np
-import scipy
-import yaml
-from markupsafe import Markup
-from matplotlib.figure import Figure
 
-from tactile_localizer import __version__
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import MeasurementError, listed
+from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.axes import MM, describe_sizes
 from tactile_localizer.offline.figures.belief import belief_figure, progress_figure
 from tactile_localizer.offline.figures.replay import paths_figure, replay_figure
-from tactile_localizer.offline.figures.svg import PAGE_STYLE, inline_svg
-from tactile_localizer.offline.figures.tactile_map import scan_figures, signal_figures
+from tactile_localizer.offline.figures.svg import PAGE_STYLE
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
+from tactile_localizer.offline.reports.page import (
+    WIDTH_IN,
+    Section,
+    file_names,
+    html_page,
+    sentence,
+    svg,
+    versions,
+    yaml_text,
+)
+from tactile_localizer.offline.reports.parts import map_section
 from tactile_localizer.offline.verdict import judge, relative_error, worst_sweep
 from tactile_localizer.scene import Scene
 
-_WIDTH_IN = 4.7
-"""Width of a figure, inches: two beside each other on a desk, one at nearly its size on a telephone."""
-_MAP_COLUMNS = 3
-"""Maps of channels beside each other."""
-_CHANNELS = 15
-"""Most channels of a phalanx whose maps are shown."""
 _NOTES = 12
 """Most notes beside the verdict."""
 _MOMENTS = 4
 """Moments of the worst sweep at which its belief is shown."""
-
-
-@dataclass(frozen=True)
-class Section:
-    """A part of a report: paragraphs, then figures, a table and text as it is in a file.
-
-    Parameters
-    ----------
-    title : heading
-    lines : paragraphs
-    figures : SVG elements with their captions
-    columns : headings of the table; empty: none
-    numbers : those of them whose cells are numbers
-    rows : ``good``, ``bad`` or ``""``, and the cells of a row, the first its heading
-    code : text whose lines and spaces are kept
-    folded : parts that the reader opens
-    """
-
-    title: str
-    lines: Sequence[str] = ()
-    figures: Sequence[tuple[Markup, str]] = ()
-    columns: Sequence[str] = ()
-    numbers: Sequence[str] = ()
-    rows: Sequence[tuple[str, Sequence[str]]] = ()
-    code: str = ""
-    folded: Sequence[Section] = ()
 
 
 def replay_report(
@@ -101,75 +70,21 @@ def replay_report(
     if verdict["has_truth"]:
         explained = f"Right: converged at the end of contact or sweep, and never off by more than {radius}."
     sections = [
-        _map(scan, scene, recording),
+        map_section(scan, scene, recording),
         _sweeps(scene, sweeps, configuration),
         *_worst_sweep(scene, sweeps, recording, localizer, configuration),
-        _settings(document, scan_name, scene, localizer),
+        _settings(document, scan_name, scene),
     ]
-    return _page(
+    return html_page(
         kind="Replay of a recording",
-        title=f"{_names(document['recording']['source'])} on {_names(scan_name)}",
+        title=f"{file_names(document['recording']['source'])} on {file_names(scan_name)}",
         good=verdict["success"],
-        verdict=_sentence(str(judge(scene, sweeps, configuration))),
+        verdict=sentence(str(judge(scene, sweeps, configuration))),
         explained=explained,
         notes=_first([*notes, *verdict["notes"]]),
         tiles=_tiles(document),
         sections=sections,
     )
-
-
-def scan_report(
-    scan_name: str,
-    scan: Scan,
-    scene: Scene,
-    recording: Recording,
-    totals: Sequence[str],
-    found: Sequence[str],
-) -> str:
-    """The report of a scan, HTML.
-
-    Parameters
-    ----------
-    scan_name : path of the scan
-    scan, scene, recording : its pairs, scene and sweeps
-    totals : lines of ``scan info``
-    found : findings that need attention
-    """
-    return _page(
-        kind="Scan of a material",
-        title=_names(scan_name),
-        good=not found,
-        verdict=f"{len(found)} findings" if len(found) > 1 else "One finding" if found else "No findings",
-        explained="",
-        notes=found,
-        tiles=[
-            (f"{len(scan):,}", "pairs of position and strain"),
-            (str(len(scan.sweep_numbers)), "sweeps"),
-            (str(scan.layout.size), f"channels on {len(scan.phalanges)} phalanges"),
-        ],
-        sections=[
-            _map(scan, scene, recording),
-            Section(
-                "Scan and versions",
-                code="\n".join(totals),
-                folded=[Section("Scene", code=_yaml(scene_to_dict(scene)))],
-                rows=_versions(),
-            ),
-        ],
-    )
-
-
-def _page(**values: Any) -> str:
-    """The page of the template, made now."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("tactile_localizer.offline"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    made = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
-    return environment.get_template("report.html").render(values, version=__version__, made=made)
 
 
 def _tiles(document: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -193,33 +108,12 @@ def _tiles(document: Mapping[str, Any]) -> list[tuple[str, str]]:
     return tiles
 
 
-def _map(scan: Scan, scene: Scene, recording: Recording) -> Section:
-    """What the scan holds: the signal of each phalanx, and folded each channel."""
-    unit = recording.sweeps[0].strain_unit if recording.sweeps else "V"
-    with mpl.rc_context(PAGE_STYLE):
-        signals = signal_figures(scan, scene, unit, (_WIDTH_IN, 0.85 * _WIDTH_IN))
-        size = _WIDTH_IN / _MAP_COLUMNS
-        channels = scan_figures(scan, scene, unit, _MAP_COLUMNS, size, _CHANNELS)
-    each = [
-        (_svg(figure, name), f"{name.removeprefix('map_')}, by channel") for name, figure in channels.items()
-    ]
-    return Section(
-        "The map",
-        lines=[
-            "Signal: strain minus that of featureless material, root mean square over the channels. "
-            "Where two places have the same strain, touch alone cannot tell them apart."
-        ],
-        figures=[(_svg(figure, name), name.replace("_", " of ", 1)) for name, figure in signals.items()],
-        folded=[Section(f"Each channel of {listed(scan.phalanges)}", figures=each)],
-    )
-
-
 def _sweeps(scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Configuration) -> Section:
     """Error along the sweeps, where they converge, and a row for each."""
     estimated = [sweep for sweep in sweeps if len(sweep)]
     with mpl.rc_context(PAGE_STYLE):
-        error = replay_figure(scene, estimated, configuration, (_WIDTH_IN, _WIDTH_IN))
-        paths = paths_figure(scene, estimated, configuration, (_WIDTH_IN, _WIDTH_IN))
+        error = replay_figure(scene, estimated, configuration, (WIDTH_IN, WIDTH_IN))
+        paths = paths_figure(scene, estimated, configuration, (WIDTH_IN, WIDTH_IN))
     columns = (
         "sweep",
         "outcome",
@@ -243,8 +137,8 @@ def _sweeps(scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Config
     return Section(
         "Error along the sweeps",
         figures=[
-            (_svg(error, "error"), "Error, and what the estimate says of it, along each sweep."),
-            (_svg(paths, "paths"), "Where the palm was, and what the estimate claimed there."),
+            (svg(error, "error"), "Error, and what the estimate says of it, along each sweep."),
+            (svg(paths, "paths"), "Where the palm was, and what the estimate claimed there."),
         ],
         folded=[table],
     )
@@ -278,11 +172,13 @@ def _worst_sweep(
     moments = _moments(sweep, error)
     beliefs = _beliefs(localizer, recording.sweeps[worst], sweep.row[moments].tolist())
     with mpl.rc_context(PAGE_STYLE):
-        belief = belief_figure(scene, sweep, moments, beliefs, (_WIDTH_IN, _WIDTH_IN))
-        progress = progress_figure(scene, sweep, moments, configuration, (_WIDTH_IN, 0.8 * _WIDTH_IN))
+        belief = belief_figure(scene, sweep, moments, beliefs, (WIDTH_IN, WIDTH_IN))
+        progress = progress_figure(scene, sweep, moments, configuration, (WIDTH_IN, 0.8 * WIDTH_IN))
     notes = judge(scene, [sweep], configuration).notes
-    what = f"sweep {sweep.number} converged after the longest travel"
-    lines = [f"{_sentence(notes[0] if notes else what)}."]
+    what = f"sweep {sweep.number} did not converge, and did not have to"
+    if sweep.converged.any():
+        what = f"sweep {sweep.number} converged after the longest travel"
+    lines = [f"{sentence(notes[0] if notes else what)}."]
     if configuration.filter == "particle":
         lines.append("The belief is of another run of the particle filter, with other random numbers.")
     error, travel = MM * position_error(scene, sweep), MM * travel_from_contact(sweep)
@@ -302,8 +198,8 @@ def _worst_sweep(
     ]
     caption = "The belief at four moments; darker is more probable, the red cross is the true position."
     figures = [
-        (_svg(belief, "belief"), caption),
-        (_svg(progress, "progress"), "Probability and error along the sweep; dashed: the threshold."),
+        (svg(belief, "belief"), caption),
+        (svg(progress, "progress"), "Probability and error along the sweep; dashed: the threshold."),
     ]
     section = Section("The worst sweep", lines, figures, columns, columns[1:4], rows)
     return [section]
@@ -336,7 +232,7 @@ def _beliefs(
     return found
 
 
-def _settings(document: Mapping[str, Any], scan_name: str, scene: Scene, localizer: Localizer) -> Section:
+def _settings(document: Mapping[str, Any], scan_name: str, scene: Scene) -> Section:
     """Everything that is needed to repeat the replay."""
     summary = document["summary"]
     rows = [
@@ -352,41 +248,18 @@ def _settings(document: Mapping[str, Any], scan_name: str, scene: Scene, localiz
     ]
     return Section(
         "Configuration and versions",
-        rows=[*rows, *_versions()],
+        rows=[*rows, *versions()],
         folded=[
-            Section("Configuration", code=_yaml(asdict(document["configuration"]))),
-            Section("Scene", code=_yaml(scene_to_dict(scene))),
+            Section("Configuration", code=yaml_text(asdict(document["configuration"]))),
+            Section("Scene", code=yaml_text(scene_to_dict(scene))),
         ],
     )
-
-
-def _versions() -> list[tuple[str, tuple[str, str]]]:
-    """Rows of the package's and the libraries' versions."""
-    libraries = f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}"
-    return [("", ("tactile_localizer", __version__)), ("", ("with", f"{libraries}, {platform.system()}"))]
-
-
-def _svg(figure: Figure, name: str) -> Markup:
-    return Markup(inline_svg(figure, name))
 
 
 def _first(notes: Sequence[str]) -> list[str]:
     """The first of many notes, and how many more there are."""
     more = len(notes) - _NOTES
     return [*notes[:_NOTES], *([f"and {more} more, which the table of the sweeps has"] if more > 0 else [])]
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
-def _names(paths: str) -> str:
-    """The names of files without their folders."""
-    return ", ".join(Path(path).resolve().name for path in paths.split(", "))
-
-
-def _yaml(value: Mapping[str, Any]) -> str:
-    return yaml.safe_dump(dict(value), sort_keys=False)
 
 
 def _largest(values: np.ndarray) -> float:

@@ -1,0 +1,1 @@
+"""Reports to send: one HTML file each, which loads nothing from elsewhere."""

@@ -1,0 +1,88 @@
+"""The page of a report: sections of text, figures and tables, rendered by a template."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+import scipy
+import yaml
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from tactile_localizer import __version__
+from tactile_localizer.offline.figures.svg import inline_svg
+
+WIDTH_IN = 4.7
+"""Width of a figure, inches: two beside each other on a desk, one at nearly its size on a telephone."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a report: paragraphs, then figures, a table and text as it is in a file.
+
+    Parameters
+    ----------
+    title : heading
+    lines : paragraphs
+    figures : SVG elements with their captions
+    columns : headings of the table; empty: none
+    numbers : those of them whose cells are numbers
+    rows : ``good``, ``bad`` or ``""``, and the cells of a row, the first its heading
+    code : text whose lines and spaces are kept
+    folded : parts that the reader opens
+    """
+
+    title: str
+    lines: Sequence[str] = ()
+    figures: Sequence[tuple[Markup, str]] = ()
+    columns: Sequence[str] = ()
+    numbers: Sequence[str] = ()
+    rows: Sequence[tuple[str, Sequence[str]]] = ()
+    code: str = ""
+    folded: Sequence[Section] = ()
+
+
+def html_page(**values: Any) -> str:
+    """The page of the template, made now."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("tactile_localizer.offline.reports"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
+    return environment.get_template("report.html").render(values, version=__version__, made=made)
+
+
+def versions() -> list[tuple[str, tuple[str, str]]]:
+    """Rows of the package's and the libraries' versions."""
+    libraries = f"Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}"
+    return [("", ("tactile_localizer", __version__)), ("", ("with", f"{libraries}, {platform.system()}"))]
+
+
+def svg(figure: Figure, name: str) -> Markup:
+    """A figure as part of a page; ``name`` distinguishes it from the others of the page."""
+    return Markup(inline_svg(figure, name))
+
+
+def sentence(text: str) -> str:
+    """A text that begins with an upper-case letter."""
+    return text[:1].upper() + text[1:]
+
+
+def file_names(paths: str) -> str:
+    """The names of files without their folders."""
+    return ", ".join(Path(path).resolve().name for path in paths.split(", "))
+
+
+def yaml_text(value: Mapping[str, Any]) -> str:
+    """A mapping as in a file of the user, to be copied."""
+    return yaml.safe_dump(dict(value), sort_keys=False)
