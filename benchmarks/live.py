@@ -4,14 +4,18 @@
 
 Starts the installed filter on a simulated scan of the bump and publishes sweeps to it, forward and backward,
 with poses at 100 Hz. Prints the fraction of a core that the filter takes, the fraction of strain vectors that
-got a posterior, and how long after the strain it was published, ms.
+got a posterior, and how long after the strain it was published, ms. Before it, the same of a node of rclpy
+with the same topics that computes nothing.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import itertools
 import os
 import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -19,6 +23,7 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped
+from rclpy.executors import ExternalShutdownException
 
 from tactile_localizer.demo.nodes import node_command, own_domain
 from tactile_localizer.io.scans.writer import ScanWriter
@@ -64,10 +69,10 @@ class Hand:
             rclpy.spin_once(self._node, timeout_sec=left_s)
 
 
-def measure(hand: Hand, filter_node: subprocess.Popen[bytes], rate_hz: float, seconds: float) -> str:
+def measure(hand: Hand, node: subprocess.Popen[bytes], rate_hz: float, seconds: float) -> str:
     """The figures of one run, in a line."""
     while not hand.delays_ms:
-        assert filter_node.poll() is None
+        assert node.poll() is None
         hand.send_pose(0.0, 0.0)
         hand.send_strain(np.zeros(16), 0)
         hand.send_pose(0.0, 0.0)
@@ -76,17 +81,33 @@ def measure(hand: Hand, filter_node: subprocess.Popen[bytes], rate_hz: float, se
     forth = np.arange(len(sweep))
     samples = np.resize(np.concatenate([forth, forth[::-1]]), round(seconds * rate_hz))
     hand.delays_ms.clear()
-    began_s, used_s = time.monotonic(), _processor_s(filter_node.pid)
+    began_s, used_s = time.monotonic(), _processor_s(node.pid)
     for number, sample in enumerate(samples):
         hand.receive_until(began_s + number / rate_hz)
         hand.send_strain(sweep.strain[sample], number + 1)
         if number % max(1, round(rate_hz / _POSE_RATE_HZ)) == 0:
             hand.send_pose(*map(float, sweep.position[sample]))
-    load = (_processor_s(filter_node.pid) - used_s) / (time.monotonic() - began_s)
+    load = (_processor_s(node.pid) - used_s) / (time.monotonic() - began_s)
     hand.receive_until(time.monotonic() + 1.0)
     median_ms, late_ms = np.quantile(hand.delays_ms, [0.5, 0.99])
     answered = len(hand.delays_ms) / len(samples)
     return f"{rate_hz:g} Hz: {load:.3f} of a core, {answered:.1%} answered, {median_ms:.1f}, {late_ms:.1f} ms"
+
+
+def run_bare_node() -> None:
+    """Receive the inputs of the filter, and publish an empty posterior per strain vector."""
+    rclpy.init()
+    node, message = rclpy.create_node("tactile_filter"), Posterior(axes=["x", "y"], mean=[0.0, 0.0])
+    posteriors = node.create_publisher(Posterior, "~/posterior", 100)
+
+    def answer(strain: StrainVectors) -> None:
+        message.header.stamp = strain.header.stamp
+        posteriors.publish(message)
+
+    node.create_subscription(StrainVectors, "strain", answer, STRAIN)
+    node.create_subscription(PoseStamped, "palm_pose", lambda pose: None, STRAIN)
+    with contextlib.suppress(ExternalShutdownException):
+        rclpy.spin(node)
 
 
 def _processor_s(pid: int) -> float:
@@ -100,19 +121,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Load of the live filter node.")
     parser.add_argument("--rate", type=float, nargs="+", default=[100.0, 1000.0], metavar="HZ")
     parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--bare", action="store_true", help="be the node of rclpy that computes nothing")
     given = parser.parse_args()
-    with own_domain(), tempfile.TemporaryDirectory() as name:
+    if given.bare:
+        run_bare_node()
+        return
+    with own_domain(), tempfile.TemporaryDirectory() as folder:
         rclpy.init()
-        path = Path(name, "bump_scan")
+        path = Path(folder, "bump_scan")
         with ScanWriter(path, shipped_scene("bump")) as writer:
             for sweep in simulate_recording("bump", 1).sweeps:
                 writer.add(sweep)
         hand = Hand()
-        for rate_hz in given.rate:
+        commands = {
+            "bare": [sys.executable, __file__, "--bare"],
+            "filter": node_command("filter_node", {"scan_file": path}),
+        }
+        for rate_hz, (name, command) in itertools.product(given.rate, commands.items()):
             hand.delays_ms.clear()
-            with subprocess.Popen(node_command("filter_node", {"scan_file": path})) as filter_node:
-                print(measure(hand, filter_node, rate_hz, given.seconds), flush=True)
-                filter_node.terminate()
+            with subprocess.Popen(command) as node:
+                print(f"{name:6} at {measure(hand, node, rate_hz, given.seconds)}", flush=True)
+                node.terminate()
 
 
 if __name__ == "__main__":
