@@ -223,7 +223,7 @@ def test_diagnostics_distinguish_idle_ok_and_stale(
     short = can.Message(arbitration_id=0x102, is_extended_id=False, data=bytes(3))
     for frame in (error, error, short):
         hand.bus.send(frame)
-    until("CAN bus", "wrong length")
+    until("CAN bus", "wrong length: 0x102 index_a: 3 bytes instead of 8")
     until("index", "saturated", volts=9.0)
     until("index", "fault reported by the load cell", status=3)
     probe.until(

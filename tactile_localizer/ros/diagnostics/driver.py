@@ -63,7 +63,7 @@ class DriverDiagnostics:
         new = self._increments.since(totals)
         stray, misfits, suspects = self._explain()
         return [
-            self._bus_status(frames, new, stray),
+            self._bus_status(frames, new, stray, "; ".join(misfits.values())),
             *(
                 self._phalanx_status(name, own, new, misfits.get(p, ""), suspects.get(p, ""))
                 for p, (name, own) in enumerate(phalanges.items())
@@ -84,7 +84,7 @@ class DriverDiagnostics:
         return f", the last 0x{stray.arbitration_id:X}" if stray else "", misfits, suspects
 
     def _bus_status(
-        self, frames: Mapping[FrameKind, int], new: Mapping[Any, int], stray: str
+        self, frames: Mapping[FrameKind, int], new: Mapping[Any, int], stray: str, misfits: str
     ) -> DiagnosticStatus:
         status, elapsed_s = self._driver.status, self._increments.elapsed_s
         received = sum(new[kind] for kind in FrameKind)
@@ -104,10 +104,11 @@ class DriverDiagnostics:
             "queue_drops": status.queue_drops,
             "clock_offset_s": f"{status.clock.offset_s:.3f}" if status.clock else "",
         }
-        return self._publisher.status("CAN bus", *self._bus_level(new, received, late_s, stray), values)
+        level = self._bus_level(new, received, late_s, stray, misfits)
+        return self._publisher.status("CAN bus", *level, values)
 
     def _bus_level(
-        self, new: Mapping[Any, int], received: int, late_s: float, stray: str
+        self, new: Mapping[Any, int], received: int, late_s: float, stray: str, misfits: str
     ) -> tuple[bytes, str]:
         """Level and message of the bus: an error, or all warnings since the previous status."""
         status, publishers = self._driver.status, self._strain_publishers()
@@ -122,14 +123,15 @@ class DriverDiagnostics:
         errors = ", ".join(f"{new[kind]} {kind}" for kind in dict(status.errors) if new.get(kind))
         foreign = 0 if new[FrameKind.DATA] else status.foreign + new[FrameKind.UNKNOWN_ID]
         place = f"on {self._driver.bus.channel}"
+        named = f": {misfits}" if misfits else ""
         warnings = {
             f"{new['drops']} frames dropped, receive queue full": new["drops"],
             f"read {late_s:.1f} s late: {new[FrameKind.LATE]} frames discarded": late_s
             > self._driver.max_age_s,
-            f"discarded frames: {discarded}".replace("_", " "): discarded,
+            f"discarded frames: {discarded}".replace("_", " ") + named: discarded,
             f"bus errors: {errors}": errors,
             status.controller: status.controller != ERROR_ACTIVE,
-            f"idle: {foreign} frames {place}, none with an identifier of the DBC{stray}": foreign,
+            f"idle: {foreign} frames {place}, none with an identifier of the DBC{stray}{named}": foreign,
             f"the sender's clock jumped by {clock.jump_s if clock else 0.0:+.3f} s": new["clock jumps"],
         }
         if any(warnings.values()):
