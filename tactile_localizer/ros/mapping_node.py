@@ -163,17 +163,11 @@ class MappingNode(ManagedNode):
         self._ending.append(Ending(sweep, until_ns, deadline_s, written))
         missing_s = await written
         self._require_written()
-        losses = {
-            "without a pose": sweep.gaps,
-            "missing, saturated or out of bounds": sweep.skipped,
-        }
-        response.message = ", ".join(
-            [
-                f"sweep {sweep.number} ended: {sweep.pairs or 'no'} pairs",
-                *(f"{count} samples {what}" for what, count in losses.items() if count),
-                *([f"no strain for its last {missing_s:.1f} s"] if missing_s else []),
-            ]
-        )
+        said = [f"sweep {sweep.number} ended: {sweep.pairs or 'no'} pairs"]
+        said += [f"{sweep.gaps} samples without a pose"] if sweep.gaps else []
+        said += [f"{sweep.skipped} missing, saturated or out of bounds"] if sweep.skipped else []
+        said += [f"no strain for its last {missing_s:.1f} s"] if missing_s else []
+        response.message = ", ".join(said)
         response.success = sweep.pairs > 0
         log = self.get_logger()
         (log.info if response.success else log.error)(response.message)
