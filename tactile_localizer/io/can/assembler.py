@@ -240,10 +240,12 @@ class CycleAssembler:
         self._delay_ns = 0  # of the whole bus, whose frames then come in a burst
         self._cut_ns = 0  # end of the newest cycle, without the delay
         self._gap_ns = self._middle_ns = 0  # largest gap between frames since the last cut
-        # Number of cycles in a row with a larger gap than that of the cut
-        self._confirmed = CONFIRMATIONS - 1 if self._is_estimated else 0
+        self._leader: _Stream | None = None  # first message of the cycles, until the period is known
+        self._border_ns = 0  # gap before it
+        self._behind = self._streams[0]  # message behind the largest gap
+        self._confirmed = 1  # number of cycles in a row with a larger gap than that of the cut
         self._torn: list[_LoadCell] = []  # load cells whose frames in the open cycle are of different samples
-        self._is_aligned = True  # whether the cut has passed since it moved
+        self._is_aligned = not self._is_estimated  # whether the cut has passed since it moved
 
     def reset(self) -> None:
         """Close the open cycle and forget the counters, as after a pause. Totals and the period are kept."""
@@ -282,7 +284,7 @@ class CycleAssembler:
         """Time from ``now_ns`` until the open cycle is flushed, ns; ``None`` if none is open."""
         if not self._is_open:
             return None
-        silence_ns = FLUSHED * self.period_ns
+        silence_ns = FLUSHED * (self.period_ns or LONGEST_PERIOD_NS)
         remaining_ns = self._cut_ns + self._delay_ns + silence_ns - now_ns
         is_near = 0 < remaining_ns <= silence_ns + 2 * self.period_ns  # else the clock was set back
         return remaining_ns if is_near else 0
@@ -305,17 +307,18 @@ class CycleAssembler:
             if samples <= 0:
                 return FrameKind.OUT_OF_ORDER if samples else FrameKind.DUPLICATE
         stream.sequence += samples
-        if stream.last_ns:
+        is_next = stream.last_ns > 0
+        if is_next:
             self._note_interval(stream, stamp_ns, samples, gap_ns)
         stream.last_ns = stream.cell.counts.last_ns = self._last_ns = stamp_ns
         sent_ns = stamp_ns - self._delay_ns
         gap_ns = sent_ns - self._sent_ns
         stream.sent_ns = self._sent_ns = sent_ns
-        if self.period_ns and not 0 < self._cut_ns - sent_ns <= 2 * self.period_ns:
-            self._pass_cut(sent_ns, gap_ns)
+        if self._is_first(stream, is_next, gap_ns):
+            self._pass_cut(stream, sent_ns, gap_ns)
         elif self._gap_ns < gap_ns <= PAUSE_NS:
-            self._gap_ns, self._middle_ns = gap_ns, sent_ns - gap_ns // 2
-        if self.period_ns and self._is_aligned:
+            self._gap_ns, self._middle_ns, self._behind = gap_ns, sent_ns - gap_ns // 2, stream
+        if self._is_aligned:
             self._place(stream, frame, value, samples)
         return FrameKind.DATA
 
@@ -348,6 +351,8 @@ class CycleAssembler:
         stream.measured += 1
         if stream.measured <= EACH or not stream.measured % EACH:
             self._estimate_period(stream, stamp_ns)
+        if not self.period_ns or stream.measured < EACH:
+            return
         late_ns = stamp_ns - stream.sent_ns - samples * stream.period_ns
         change_ns = late_ns - self._delay_ns
         if change_ns < -stream.tolerance_ns or stream.tolerance_ns < change_ns <= gap_ns:
@@ -357,16 +362,32 @@ class CycleAssembler:
         """Estimate the period of a message, and of the cycles."""
         stream.period_ns = max(_usual(stream.intervals), SHORTEST_PERIOD_NS)
         stream.tolerance_ns = TOLERANCE * stream.period_ns
+        if stream.measured < EACH:
+            return
         sending = [
             one.period_ns
             for one in self._streams
-            if one.period_ns and stamp_ns - one.last_ns < INTERVALS * one.period_ns
+            if one.measured >= EACH and stamp_ns - one.last_ns < INTERVALS * one.period_ns
         ]
         self._fastest_ns = round(min(*sending, stream.period_ns, LONGEST_PERIOD_NS))
         if self._is_estimated:
+            self._cut_ns += 0 if self.period_ns else self._fastest_ns
             self.period_ns = self._fastest_ns
         ratio = stream.period_ns / self._fastest_ns
         stream.cell.counts.cycles_per_sample = ratio if ratio > SLOW else 1.0
+
+    def _is_first(self, stream: _Stream, is_next: bool, gap_ns: int) -> bool:
+        """Whether a frame is the first of a cycle: behind the cut, or by its message at the start."""
+        if self.period_ns:
+            return not 0 < self._cut_ns - self._sent_ns <= 2 * self.period_ns
+        if self._leader is None:
+            return is_next
+        if stream is not self._leader:
+            return False
+        if not self._is_aligned or 2 * gap_ns > self._border_ns:
+            return True
+        self._border_ns //= 2  # a delay, or the message before came too early
+        return False
 
     def _place(self, stream: _Stream, frame: can.Message, value: int, samples: int) -> None:
         """Use a frame in the open cycle, or in a new one."""
@@ -393,22 +414,24 @@ class CycleAssembler:
             if not self._torn:  # else the right frames can still come
                 self._close()
 
-    def _pass_cut(self, sent_ns: int, gap_ns: int) -> None:
-        """Close the cycle with a first frame behind its end, and find the next end."""
+    def _pass_cut(self, stream: _Stream, sent_ns: int, gap_ns: int) -> None:
+        """Close the cycle with the first frame behind its end, and find the next end."""
         self._close()
         period_ns = self.period_ns
-        gap_ns = gap_ns if 0 <= gap_ns < period_ns else period_ns
-        passed, late_ns = divmod(sent_ns - self._cut_ns, period_ns)
-        if not passed:  # follow the middle of the gap
+        gap_ns = gap_ns if 0 <= gap_ns < (period_ns or PAUSE_NS) else period_ns
+        passed, late_ns = divmod(sent_ns - self._cut_ns, period_ns or PAUSE_NS)
+        if not period_ns or not 0 <= passed < RELIABLE:
+            self._cut_ns = sent_ns + period_ns - gap_ns // 2
+        elif passed:
+            self._cut_ns += (passed + 1) * period_ns
+        else:  # follow the middle of the gap
             error_ns = late_ns - gap_ns // 2
             self._cut_ns += period_ns + max(-period_ns, min(period_ns, error_ns)) // 4
-        elif 0 < passed < RELIABLE:
-            self._cut_ns += (passed + 1) * period_ns
-        else:
-            self._cut_ns = sent_ns + period_ns - gap_ns // 2
+        self._leader, self._border_ns = stream, gap_ns
         self._confirmed = self._confirmed + 1 if self._gap_ns > LARGER * gap_ns else 0
-        self._is_aligned = self._confirmed < CONFIRMATIONS
+        self._is_aligned = self._confirmed < (CONFIRMATIONS if period_ns else 2)
         if not self._is_aligned:
+            self._leader, self._border_ns = self._behind, self._gap_ns
             self._cut_ns = self._middle_ns + period_ns
             self._confirmed = 0
         self._gap_ns = 0

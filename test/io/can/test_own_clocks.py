@@ -90,3 +90,13 @@ def test_a_frame_lost_from_a_burst_does_not_mix_samples(tmp_path: Path, cell: in
     numbers = [int(strain[0]) for strain in found]
     assert numbers == list(range(numbers[0], 200))
     assert [len(strain) for strain in found] == [4 - ((cell, n) in lost) for n in numbers]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_first_cycles_are_whole_although_their_frames_come_in_bursts(tmp_path: Path, seed: int) -> None:
+    times_s = clocks(5, seed, 6.0)
+    for begin_s, end_s in ((0.001, 0.03), (0.05, 0.09), (0.15, 0.18)):
+        times_s = [np.where((t > begin_s) & (t < end_s), end_s + 1e-3 * (t - begin_s), t) for t in times_s]
+    cycles = cycles_of(hand(tmp_path, 5), times_s, set())
+    assert len(complete(cycles)) >= 0.985 * 300
+    assert len(complete(cycles)) >= 0.985 * len(cycles)
