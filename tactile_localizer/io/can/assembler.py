@@ -242,6 +242,7 @@ class CycleAssembler:
         self._gap_ns = self._middle_ns = 0  # largest gap between frames since the last cut
         self._leader: _Stream | None = None  # first message of the cycles, until the period is known
         self._border_ns = 0  # gap before it
+        self._opener = self._streams[0]  # first message of the newest cycle
         self._behind = self._streams[0]  # message behind the largest gap
         self._confirmed = 1  # number of cycles in a row with a larger gap than that of the cut
         self._torn: list[_LoadCell] = []  # load cells whose frames in the open cycle are of different samples
@@ -371,7 +372,8 @@ class CycleAssembler:
         ]
         self._fastest_ns = round(min(*sending, stream.period_ns, LONGEST_PERIOD_NS))
         if self._is_estimated:
-            self._cut_ns += 0 if self.period_ns else self._fastest_ns
+            if not self.period_ns:  # the first cut is a period after the middle of the last gap
+                self._cut_ns = self._opener.sent_ns - self._border_ns // 2 + self._fastest_ns
             self.period_ns = self._fastest_ns
         ratio = stream.period_ns / self._fastest_ns
         stream.cell.counts.cycles_per_sample = ratio if ratio > SLOW else 1.0
@@ -386,7 +388,8 @@ class CycleAssembler:
             return False
         if not self._is_aligned or 2 * gap_ns > self._border_ns:
             return True
-        self._border_ns //= 2  # a delay, or the message before came too early
+        if self._is_open:
+            self._leader = self._opener  # which is about as early
         return False
 
     def _place(self, stream: _Stream, frame: can.Message, value: int, samples: int) -> None:
@@ -402,7 +405,7 @@ class CycleAssembler:
         if not self._is_open:
             self._is_open = True
             self._number += 1
-            self._first_ns = self._last_ns
+            self._first_ns, self._opener = self._last_ns, stream
             self._awaited = len(self._streams)
             if not self._is_estimated:  # the load cells may send more often, and irregularly
                 self._cut_ns = max(self._cut_ns, self._sent_ns + self.period_ns // 2)
