@@ -213,8 +213,8 @@ class CycleAssembler:
     Parameters
     ----------
     protocol : layout of the frames
-    period_s : period of the cycles, s; 0: estimated, as that of the fastest load cell, and cycles before the
-        first estimate are discarded
+    period_s : longest period of load cells that send irregularly, s; 0: estimated, as that of the fastest
+        load cell, and frames before the first cycle whose begin is known are discarded
     """
 
     def __init__(self, protocol: LoadCellProtocol, period_s: float = 0.0) -> None:
