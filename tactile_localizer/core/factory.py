@@ -7,7 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from tactile_localizer.core.calibration.held_out import Calibration, calibrate, surroundings
+from tactile_localizer.core.calibration.calibration import Calibration
+from tactile_localizer.core.calibration.examination import UNEXAMINED, examine
+from tactile_localizer.core.calibration.held_out import registration_errors, registration_std, surroundings
+from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.filters.base import BayesFilter
@@ -23,6 +26,9 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
+
+_EXAMINED = Configuration(cell=2.0 * Configuration().cell)
+"""Configuration of the localizers that examine a scan: cells of twice the size give the same scores sooner."""
 
 
 def build_localizer(
@@ -56,26 +62,59 @@ def build_localizer(
     say("building the map", 0.0)
     learned = learn_sweep_model(scan, scene, calibration.variance if calibration else None)
     if calibration is None:
-        say("calibrating on held-out sweeps", 0.2)
-        calibration = calibrate(learned)
+        calibration = _calibrated(scan, scene, learned, say)
+    position_model = _position_model(scan, scene, configuration, learned, calibration)
+    localizer = _assembled(learned, scene, configuration, calibration, rng, None, position_model)
+    say("ready", 1.0)
+    return localizer
+
+
+def _assembled(
+    learned: SweepModel,
+    scene: Scene,
+    configuration: Configuration,
+    calibration: Calibration,
+    rng: np.random.Generator,
+    quiet_energy: np.ndarray | None = None,
+    position_model: tuple[MeasurementModel, float] | None = None,
+) -> Localizer:
+    """A localizer with what was learned; ``quiet_energy`` (F,): of the whole scan, if that is a part of one."""
     cell = learned.cell(scene, configuration.cell)
     mixture = learned.mixture(scene, cell)
-    position_model, information_length = _position_model(scan, scene, configuration, learned)
-    localizer = Localizer(
+    length = calibration.examination.information_length
+    if quiet_energy is None:
+        quiet_energy = learned.quiet_energy(mixture, length)
+    model, length = position_model or (None, length)
+    return Localizer(
         scene,
         _build_filter(scene, configuration, cell, rng),
         mixture,
-        position_model,
+        model,
         Convergence(convergence_criteria(scene, configuration)),
         configuration.update_distance,
-        information_length,
-        learned.presence_length,
+        length,
         calibration.registration_std,
-        learned.quiet_energy(mixture),
+        quiet_energy,
         Anchors(scene),
     )
-    say("ready", 1.0)
-    return localizer
+
+
+def _calibrated(scan: Scan, scene: Scene, learned: SweepModel, say: Progress) -> Calibration:
+    """Examine the scan, and register its sweeps with the information length that this gives."""
+    say("examining the scan by held-out sweeps", 0.2)
+    prior = Calibration(registration_std([], scene.dimension) / levers(scene), learned.variance)
+    whole = learned.mixture(scene, learned.cell(scene, _EXAMINED.cell))
+    quiet = learned.quiet_energy(whole, UNEXAMINED)
+
+    def build(part: SweepModel, within: Scene) -> Localizer:
+        return _assembled(part, within, _EXAMINED, prior, np.random.default_rng(0), quiet)
+
+    examination = examine(
+        scan, learned, build, lambda done: say("examining the scan by held-out sweeps", 0.2 + 0.7 * done)
+    )
+    say("registering held-out sweeps", 0.9)
+    std = registration_errors(learned, examination.information_length)
+    return Calibration(std, learned.variance, examination)
 
 
 def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibration:
@@ -83,9 +122,7 @@ def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibra
     say = progress or _silent
     scene = surroundings(scene, scan.positions_on(scene))
     say("learning the noise", 0.0)
-    learned = learn_sweep_model(scan, scene)
-    say("calibrating on held-out sweeps", 0.2)
-    calibration = calibrate(learned)
+    calibration = _calibrated(scan, scene, learn_sweep_model(scan, scene), say)
     say("ready", 1.0)
     return calibration
 
@@ -126,11 +163,11 @@ def _silent(_doing: str, _done: float) -> None:
 
 
 def _position_model(
-    scan: Scan, scene: Scene, configuration: Configuration, learned: SweepModel
-) -> tuple[MeasurementModel | None, float]:
+    scan: Scan, scene: Scene, configuration: Configuration, learned: SweepModel, calibration: Calibration
+) -> tuple[MeasurementModel, float] | None:
     """Model for the position, and its travel per independent measurement, m; ``None``: the default model."""
     if configuration.model == SWEEP_MIXTURE:
-        return None, learned.scan.material.information_length
+        return None
     without = _without_offsets(scan, scene, learned.scan.offsets)
     parameters = ModelParameters.from_mapping(scene.measurement)
     if parameters.position_std is None or parameters.strain_std is None:
@@ -138,7 +175,7 @@ def _position_model(
 
         parameters = choose_kernel_widths(without, scene, parameters)
     model = build_model(without, scene, configuration, parameters)
-    return model, parameters.correlation_length or learned.presence_length
+    return model, parameters.correlation_length or calibration.examination.information_length
 
 
 def _without_offsets(scan: Scan, scene: Scene, offsets: np.ndarray) -> Scan:

@@ -118,8 +118,7 @@ class Localizer:
     position_model : one of the paper's models, or a user-defined one, for the position; ``None``: ``model``
     convergence : decides when the position has converged
     update_distance : m of travel between two measurement updates
-    information_length, presence_length : m of travel per independent measurement of the position, and of the
-        material
+    information_length : m of travel per independent measurement
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
     quiet_energy : (F,) usual energy of the scan's innovations from featureless material
     anchors : trajectories that represent the whole map
@@ -134,7 +133,6 @@ class Localizer:
         convergence: Convergence,
         update_distance: float,
         information_length: float,
-        presence_length: float,
         registration_std: np.ndarray,
         quiet_energy: np.ndarray,
         anchors: Anchors,
@@ -145,7 +143,7 @@ class Localizer:
         self._position_model = position_model
         self._convergence = convergence
         self._update_distance = update_distance
-        self._information_length, self._presence_length = information_length, presence_length
+        self.information_length = information_length
         self._registration = np.diag(registration_std**2)
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
@@ -182,6 +180,16 @@ class Localizer:
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """States (P, d) and weights (P,) behind the last estimate, for display."""
         return self.filter.hypotheses()
+
+    @property
+    def criteria(self) -> ConvergenceCriteria:
+        """Thresholds of convergence."""
+        return self._convergence.criteria
+
+    @property
+    def registration_variance(self) -> np.ndarray:
+        """Variance (d,) of the positions of one sweep about those of another, m^2 (yaw: rad^2)."""
+        return self._registration.diagonal()
 
     @property
     def explanations(self) -> Explanations:
@@ -252,7 +260,7 @@ class Localizer:
         travel = self._motion.travel(displacement)
         stretch = max(travel, self._update_distance)
         self._consistency.observe(last, present, travel)
-        used, exponent = self._used(present), min(1.0, stretch / self._information_length)
+        used, exponent = self._used(present), min(1.0, stretch / self.information_length)
 
         prediction, sweep = self._predict(displacement, travel)
         model = self._with_noise(sweep.model, used)
@@ -279,10 +287,9 @@ class Localizer:
         weights = self.filter.weights()
         tracked = normalize(prediction.log_weights + exponent * at_states)[1] / exponent
         far = self._motion.travels(self._anchors.states - belief.mean) > ELSEWHERE
-        material = min(1.0, stretch / self._presence_length)
         explanations = sweep.explanations.update(
             stretch,
-            np.where(far, material * (at_anchors - tracked), -np.inf),
+            np.where(far, exponent * (at_anchors - tracked), -np.inf),
             exponent * (other - tracked),
         )
 
@@ -291,7 +298,7 @@ class Localizer:
         volume = float(model.noise.log_volume[used].sum())
         self._log_likelihoods = np.array([tracked, other]) + volume
         self._travel += travel
-        self._decide(prediction.states, weights, belief, travel)
+        self._decide(prediction.states, weights, belief, travel, exponent * (tracked - other))
 
     def _with_noise(self, model: SweepMixture, used: np.ndarray) -> SweepMixture:
         """The model for the noise of the sweep: that of before, or a new one where it changed by a fifth."""
@@ -333,13 +340,13 @@ class Localizer:
         strain = self.model.material.mixed(level_out, strain)
         return self._position_model.log_likelihood(prediction.states, strain, used)
 
-    def _decide(self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float) -> None:
+    def _decide(self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float, evidence: float) -> None:
         """Whether the position has converged."""
         explanations = self._sweep.explanations
         away = self._motion.displacement(belief.mean, states)
         radius, registration = self._convergence.criteria.radius, self._registration.diagonal()
         near = probability_within(away, weights, radius, registration)
-        self._convergence.update(near, explanations.tracked, explanations.other, travel)
+        self._convergence.update(near, explanations.tracked, explanations.other, travel, evidence)
 
     def _used(self, present: np.ndarray) -> np.ndarray:
         """Phalanges that are present and consistent; the present ones, where none is left."""

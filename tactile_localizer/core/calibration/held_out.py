@@ -11,13 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.likelihood.student_t import weight
 from tactile_localizer.core.scan.interpolation import interpolate
 from tactile_localizer.core.scan.lines import on_line_of
@@ -40,31 +38,21 @@ _BEYOND = 0.001
 _ITERATIONS = 50
 
 
-class Calibration(NamedTuple):
-    """Parameters of the filter learned from held-out sweeps.
+def registration_errors(model: SweepModel, information_length: float) -> np.ndarray:
+    """Standard deviation (d,), m (yaw: rad), of the shifts of sweeps that are registered to those of the other lines.
 
-    Parameters
-    ----------
-    registration_std : (d,) m (yaw: rad), standard deviation of the shift between sweeps
-    variance : variance model under which the sweeps were registered; ``None``: not stored
+    ``information_length`` is the travel per independent measurement, m.
     """
-
-    registration_std: np.ndarray
-    variance: VarianceModel | None = None
-
-
-def calibrate(model: SweepModel) -> Calibration:
-    """Register sweeps to those of the other lines."""
     scan, tracks = model.scan, model.scan.tracks
     found = []
     for index in evenly(len(tracks), _MAX_HELD_OUT_SWEEPS) if len(tracks) > 1 else []:
         part = _most_signal(tracks.slices[index], scan.signal)
-        shift, variance = register(model, part, on_line_of(tracks, index))
+        shift, variance = register(model, part, on_line_of(tracks, index), information_length)
         # Before contact the position is open.
         known = scan.signal[part].any(axis=1) & (variance.sum(axis=1) < _WRONG_PLACE_M**2)
         if known.any():
             found.append((shift[known], variance[known]))
-    return Calibration(registration_std(found, tracks.scene.dimension) / levers(tracks.scene), model.variance)
+    return registration_std(found, tracks.scene.dimension) / levers(tracks.scene)
 
 
 def _most_signal(points: slice, signal: np.ndarray) -> slice:
@@ -75,7 +63,9 @@ def _most_signal(points: slice, signal: np.ndarray) -> slice:
     return slice(first, first + count)
 
 
-def register(model: SweepModel, points: slice, without: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def register(
+    model: SweepModel, points: slice, without: np.ndarray, information_length: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Shifts along ``points`` of a track against the tracks that are not ``without`` (S,) bool.
 
     They are in m, with their variances in m^2 (yaw by its lever), both (n, d).
@@ -91,10 +81,10 @@ def register(model: SweepModel, points: slice, without: np.ndarray) -> tuple[np.
     spread = model.variance.variance(expected, layout)[: len(positions), 0]
     mean = expected.average.reshape(len(beside), len(positions), -1)
     residual, slope = scan.strain[points] - mean[0], (mean[1 : 1 + axes] - mean[1 + axes :]) / (2.0 * step)
-    residual = material.innovations(residual, PITCH, robust=True)
-    slope = np.stack([material.innovations(each, PITCH) for each in slope])
+    residual = material.innovations(residual, tracks.pitch, robust=True)
+    slope = np.stack([material.innovations(each, tracks.pitch) for each in slope])
     travel = np.linalg.norm(np.diff(positions * scale, axis=0, prepend=positions[:1] * scale), axis=1)
-    exponent = PITCH / material.information_length
+    exponent = min(1.0, tracks.pitch / information_length)
     drift = np.diag(np.square(scene.motion_std * scale))
     # A line may be mistaken for another one, but not for one that was not scanned.
     widths = np.minimum(_WRONG_PLACE_M, np.ptp(tracks.positions, axis=0) * scale / math.sqrt(12.0))

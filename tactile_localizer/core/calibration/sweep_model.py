@@ -9,8 +9,8 @@ from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift
-from tactile_localizer.core.likelihood.noise_model import ENERGY_LENGTH, WhitenedScan, whiten
-from tactile_localizer.core.likelihood.other_material import OtherMaterial
+from tactile_localizer.core.likelihood.noise_model import WhitenedScan, whiten
+from tactile_localizer.core.likelihood.other_material import ENERGY_LENGTH, OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import (
     StrainMap,
     VarianceModel,
@@ -20,7 +20,6 @@ from tactile_localizer.core.likelihood.strain_map import (
 )
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tracks import PITCH
 from tactile_localizer.scene import Scene
 
 
@@ -36,11 +35,6 @@ class SweepModel(NamedTuple):
     scan: WhitenedScan
     variance: VarianceModel
 
-    @property
-    def presence_length(self) -> float:
-        """Travel per independent measurement of the material, m: all places share errors of the map."""
-        return max(self.scan.material.information_length, self.variance.summed_correlation)
-
     def mixture(self, scene: Scene, cell: np.ndarray) -> SweepMixture:
         """The measurement model for cells (d,) of a grid."""
         noise, material = self.scan.noise, self.scan.material
@@ -51,12 +45,24 @@ class SweepModel(NamedTuple):
         drift = Drift(material.memory, visit, noise.offset_variance, largest)
         return SweepMixture(noise, table, drift, self._other(scene, table, visit), material)
 
-    def quiet_energy(self, mixture: SweepMixture) -> np.ndarray:
-        """Usual energy (F,) of the innovations of the scan's sweeps from featureless material."""
-        layout, exponent = self.scan.noise.layout, PITCH / self.scan.material.information_length
-        width, found = round(ENERGY_LENGTH / PITCH), []
+    def part(self, points: np.ndarray) -> SweepModel:
+        """The model of those ``points`` (n,) bool of the scan's tracks, with the noise and variance of all of them."""
+        scan = self.scan
+        tracks, of = scan.tracks.part(points)
+        kept = {name: getattr(scan, name)[points] for name in ("strain", "signal")}
+        return self._replace(
+            scan=scan._replace(tracks=tracks, held_out=None, offsets=scan.offsets[of], **kept)
+        )
+
+    def quiet_energy(self, mixture: SweepMixture, information_length: float) -> np.ndarray:
+        """Usual energy (F,) of the innovations of the scan's sweeps from featureless material.
+
+        ``information_length`` is the travel per independent measurement, m.
+        """
+        layout, pitch, found = self.scan.noise.layout, self.scan.tracks.pitch, []
+        exponent, width = min(1.0, pitch / information_length), max(round(ENERGY_LENGTH / pitch), 1)
         for own in self.scan.tracks.slices:
-            innovations, variance = mixture.drift.along(self.scan.strain[own], PITCH, exponent)
+            innovations, variance = mixture.drift.along(self.scan.strain[own], pitch, exponent)
             energy = mixture.other.energy(innovations, layout.mean(variance))
             found.append(uniform_filter1d(energy, width, axis=0, mode="nearest"))
         return np.maximum(np.median(np.concatenate(found), axis=0), 1e-3)

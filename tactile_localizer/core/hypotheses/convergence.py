@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -37,6 +38,7 @@ class ConvergenceCriteria:
     radius: np.ndarray
     probability: float = 0.97
     sustain: float = 0.001
+    map_margin: float = 0.0
     release: float = 0.5
 
 
@@ -96,8 +98,9 @@ class Convergence:
         self.reason = "not converged: no measurement yet"
         self.probability = 0.0
         self._held = 0.0
+        self.evidence = 0.0
 
-    def update(self, near: float, on_map: float, unknown: float, travel: float) -> None:
+    def update(self, near: float, on_map: float, unknown: float, travel: float, evidence: float) -> None:
         """Take in one update of the filter.
 
         Parameters
@@ -108,7 +111,8 @@ class Convergence:
         """
         criteria = self.criteria
         self.probability = near * on_map
-        holds = self.probability > criteria.probability
+        self.evidence = self.evidence * math.exp(-travel / max(criteria.sustain, 1e-9)) + evidence
+        holds = self.probability > criteria.probability and self.evidence >= criteria.map_margin
         self._held = self._held + travel if holds else 0.0
         if holds and self._held >= criteria.sustain:
             self.state = State.CONVERGED

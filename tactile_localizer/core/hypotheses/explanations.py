@@ -10,9 +10,9 @@ import numpy as np
 from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH
 from tactile_localizer.core.likelihood.weights import normalize
 
-LEAST_OTHER = 0.03
-"""Probability of other material before each strain, at least: what was felt until now does not show that the
-material is still the same. By judgement."""
+LEAVING_RATE = 1.0 / PATCH_LENGTH
+"""Rate at which the hand comes upon other material, per metre of travel: as before the first strain, the material is
+the scanned one as probably as not. By judgement."""
 RELOCATION_RATE = 1.0
 """Rate at which a hand is placed anywhere on the map, from on it or from elsewhere, per metre of travel. By
 judgement."""
@@ -64,10 +64,10 @@ class Explanations(NamedTuple):
         if self.injection:
             tracked, relocated = tracked + relocated, 0.0
         returned = -math.expm1(-travel / PATCH_LENGTH) * other
-        tracked, other = tracked * (1.0 - left) + returned, other - returned + tracked * left
-        if other < LEAST_OTHER:
-            kept = (1.0 - LEAST_OTHER) / (1.0 - other)
-            tracked, relocated, other = kept * tracked, kept * relocated, LEAST_OTHER
+        stayed = math.exp(-LEAVING_RATE * travel)
+        on_map = (1.0 - left) * stayed * tracked, stayed * relocated
+        other += tracked - on_map[0] + relocated - on_map[1] - returned
+        tracked, relocated = on_map[0] + returned, on_map[1]
         moved = -math.expm1(-RELOCATION_RATE * travel)
         arriving = moved * (tracked + other)
         uniform = math.log(max(arriving, 1e-300) / len(elsewhere))

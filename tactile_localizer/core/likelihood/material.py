@@ -6,17 +6,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import expit
 
 from tactile_localizer.core.likelihood.drift import innovations
 
-_SHEET, _CLOTH = 0.1, 0.3
-"""Texture ratios up to which a material is a sheet, and from which it is cloth. By judgement."""
+_EVIDENCE = 5.0
+"""Evidence from which a level is rather taken to wander, nats: "very strong" to Kass and Raftery (1995)."""
 _SESSION_RATIO = 4.0
 """Variance ratio of sheets: another session, with another force, differs twice as much. By judgement."""
 _CLOTH_MEMORY = 0.01
 """m of travel over which the level is averaged on cloth. By judgement."""
-_SHEET_LENGTH, _CLOTH_LENGTH = 0.0017, 0.0065
-"""Information lengths, m. By judgement."""
 
 
 class Material(NamedTuple):
@@ -31,15 +30,15 @@ class Material(NamedTuple):
     sheet: float
 
     @classmethod
-    def of(cls, texture_ratio: float) -> Material:
+    def of(cls, wander: float) -> Material:
         """The material of a scan.
 
         Parameters
         ----------
-        texture_ratio : median of the signal's energy over all places, divided by its 0.9 quantile; nearly
-            zero on a sheet with few features
+        wander : log-likelihood of the scan's residuals if the level of a sweep wanders, less that if it is constant,
+            nats
         """
-        return cls(min(max((_CLOTH - texture_ratio) / (_CLOTH - _SHEET), 0.0), 1.0))
+        return cls(round(float(expit(_EVIDENCE - wander)), 6))
 
     @property
     def session_ratio(self) -> float:
@@ -55,11 +54,6 @@ class Material(NamedTuple):
     def memory(self) -> float:
         """Travel over which the level is averaged, m; infinite for a constant."""
         return _CLOTH_MEMORY / (1.0 - self.sheet) if self.sheet < 1.0 else math.inf
-
-    @property
-    def information_length(self) -> float:
-        """Travel per independent measurement of the position, m."""
-        return self.sheet * _SHEET_LENGTH + (1.0 - self.sheet) * _CLOTH_LENGTH
 
     def mixed(self, sheet: np.ndarray, cloth: np.ndarray | float) -> np.ndarray:
         """A value in between one for a sheet and one for cloth."""

@@ -5,6 +5,7 @@ The map, the alternatives to it and the offset of a sweep all use this noise mod
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -14,8 +15,9 @@ from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
+from tactile_localizer.core.likelihood.drift import OUTLIER, Drift
 from tactile_localizer.core.likelihood.material import Material
-from tactile_localizer.core.likelihood.student_t import scatter
+from tactile_localizer.core.likelihood.student_t import log_density, scatter
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise, white_noise
 from tactile_localizer.core.scan.interpolation import HeldOut, hold_out
 from tactile_localizer.core.scan.lines import line_spacing
@@ -28,8 +30,10 @@ _DIAGONAL_LOADING = 0.05
 _FEATURELESS_STRETCH = 0.2
 """Length of the stretch that varies least, from which the featureless strain of a sweep is taken, as a
 fraction of the sweep."""
-ENERGY_LENGTH = 0.02
-"""m over which the energy of a sweep, or of its signal, is averaged: longer than a feature. By judgement."""
+WANDER_LENGTH = 0.05
+"""m over which a level that wanders is forgotten, where it is compared with a constant one. By judgement."""
+_INDEPENDENT = 0.002
+"""m of travel between independent residuals, there. By judgement."""
 _LONGEST = 4.0
 """Length at which a deviation is shortened, in median lengths: one absurd strain hardly counts."""
 _SMOOTHING = 0.002
@@ -112,22 +116,37 @@ def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
         The scene names an axis or a phalanx that the scan does not have.
     """
     tracks = Tracks.of(scan, scene)
-    spacing, number, layout = line_spacing(tracks), tracks.number, scene.layout
+    spacing = line_spacing(tracks)
     held_out = hold_out(tracks, spacing) if len(tracks) > 1 else None
-    resolution = _resolution(scan.strain_on(scene))
-    sheet = Material(1.0)
+    white, resolution = white_noise(scan, scene), _resolution(scan.strain_on(scene))
+    if held_out is None:  # of the level of a single sweep nothing is known
+        return _whitened(tracks, spacing, None, Material(0.0), white, resolution)
+    sheet = _whitened(tracks, spacing, held_out, Material(1.0), white, resolution)
+    material = Material.of(_wander(sheet, held_out))
+    return sheet if material.sheet == 1.0 else _whitened(tracks, spacing, held_out, material, white, resolution)
+
+
+def _whitened(
+    tracks: Tracks,
+    spacing: float,
+    held_out: HeldOut | None,
+    material: Material,
+    white: WhiteNoise,
+    resolution: np.ndarray,
+) -> WhitenedScan:
+    """A scan of a material, whitened; its channels have the ``resolution`` (C,), V."""
+    number, layout, pitch = tracks.number, tracks.scene.layout, tracks.pitch
     level = np.array([np.median(tracks.strain[own], axis=0) for own in tracks.slices])
-    differences = _differences(tracks.strain - level[number], held_out, spacing, sheet)
-    first = _whitening(differences, resolution, layout, sheet)
+    differences = _differences(tracks.strain - level[number], held_out, spacing, Material(1.0), pitch)
+    first = _whitening(differences, resolution, layout, Material(1.0))
     flat = [_featureless_strain(tracks.strain[own] @ first.T) for own in tracks.slices]
     level = np.array(flat) @ np.linalg.inv(first).T
-    material = Material.of(_texture_ratio((tracks.strain - level[number]) @ first.T, held_out, layout))
     # The less of a sweep is featureless, the less is known of its level.
     turning = _turning(level, tracks)
     offsets = level - np.outer(_yaws(tracks), turning)
     centre = offsets.mean(axis=0)
     strain = tracks.strain - material.mixed(level, centre)[number]
-    differences = _differences(strain, held_out, spacing, material)
+    differences = _differences(strain, held_out, spacing, material, pitch)
     whitening = _whitening(differences, resolution, layout, material)
     noise = NoiseModel(
         layout,
@@ -136,16 +155,34 @@ def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
         np.array([np.log(np.diag(whitening)[own]).sum() for own in layout.slices]),
         material.session_ratio * _offset_variance(offsets @ whitening.T, layout),
         material.sheet * whitening @ turning,
-        white_noise(scan, scene),
+        white,
     )
     strain = strain @ whitening.T
-    kept = material.mixed(_kept(strain, tracks, scene), _reproducible_fraction(strain, held_out, material))
+    kept = material.mixed(_kept(strain, tracks), _reproducible_fraction(strain, held_out, material, pitch))
     offsets = material.sheet * (offsets - centre)
     return WhitenedScan(tracks, spacing, held_out, material, noise, offsets, strain, kept * strain)
 
 
+def _wander(scan: WhitenedScan, held_out: HeldOut) -> float:
+    """Log-likelihood of held-out residuals under a level that wanders, less that under a constant one, nats.
+
+    It is predictive: of each residual given those before it. Strains nearer than :data:`_INDEPENDENT` count in part.
+    """
+    layout, pitch = scan.noise.layout, scan.tracks.pitch
+    residual = scan.strain[held_out.points] - held_out.interpolation.best(1).expected(scan.signal).mean[:, 0]
+    information, total = min(1.0, pitch / _INDEPENDENT), 0.0
+    for memory, sign in ((WANDER_LENGTH, 1.0), (math.inf, -1.0)):
+        drift = Drift(memory, 1.0, np.maximum(scan.noise.offset_variance, 1e-6), OUTLIER * layout.size)
+        for own in held_out.slices:
+            innovations, level = drift.along(residual[own], pitch, information)
+            variance = 1.0 + layout.mean(level)
+            squared = layout.sum(innovations**2)
+            total += sign * information * float(log_density(squared, variance, layout.widths).sum())
+    return total
+
+
 def _differences(
-    strain: np.ndarray, held_out: HeldOut | None, spacing: float, material: Material
+    strain: np.ndarray, held_out: HeldOut | None, spacing: float, material: Material, pitch: float
 ) -> np.ndarray:
     """Differences (m, C) of tracks with ``strain`` (n, C) from others, scaled to the variance of a visit."""
     if held_out is None:  # the roughness along the sweep is the only measure of noise
@@ -156,7 +193,7 @@ def _differences(
     near, found = expected.distance <= 2.0 * max(spacing, 2.0 * PITCH), []
     for own in held_out.slices:
         inside, difference = near[own] | ~near[own].any(), differences[own]
-        found.append(material.innovations(difference, PITCH, robust=True)[inside])
+        found.append(material.innovations(difference, pitch, robust=True)[inside])
     return np.concatenate(found)
 
 
@@ -219,21 +256,9 @@ def _offset_variance(offsets: np.ndarray, layout: ChannelLayout) -> np.ndarray:
     return np.asarray(0.5 * (variance + layout.expand(layout.mean(variance))))
 
 
-def _texture_ratio(whitened: np.ndarray, held_out: HeldOut | None, layout: ChannelLayout) -> float:
-    """Median of the signal's energy over all places, divided by its 0.9 quantile; 1 of a single sweep.
-
-    The energy is the product of two sweeps: their noise is independent, so it vanishes in the mean, however
-    noisy the sensor is. Between features it is nearly zero, but not on a texture.
-    """
-    if held_out is None:
-        return 1.0
-    expected = held_out.interpolation.best(1).expected(whitened).mean[:, 0]
-    energy = layout.mean(_smoothed(whitened[held_out.points] * expected, held_out.slices, ENERGY_LENGTH))
-    typical, strong = np.quantile(energy, [0.5, 0.9], axis=0).sum(axis=1)
-    return float(max(typical, 0.0) / max(strong, 1e-300))
-
-
-def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, material: Material) -> float:
+def _reproducible_fraction(
+    strain: np.ndarray, held_out: HeldOut | None, material: Material, pitch: float
+) -> float:
     """Slope, from 0 to 1, of the innovations of tracks with ``strain`` (n, C) on those of the others.
 
     The less of a map is signal, the less of it is expected of a new visit; 1 of a single track.
@@ -244,7 +269,7 @@ def _reproducible_fraction(strain: np.ndarray, held_out: HeldOut | None, materia
     product = energy = 0.0
     for own in held_out.slices:
         felt, there = (
-            bounded(material.innovations(each[own], PITCH, robust=True))
+            bounded(material.innovations(each[own], pitch, robust=True))
             for each in (strain[held_out.points], expected)
         )
         product += float(np.sum(felt * there))
@@ -259,20 +284,16 @@ def bounded(values: np.ndarray) -> np.ndarray:
     return np.asarray(values * np.minimum(1.0, longest / np.maximum(length, 1e-300)))
 
 
-def _kept(strain: np.ndarray, tracks: Tracks, scene: Scene) -> np.ndarray:
+def _kept(strain: np.ndarray, tracks: Tracks) -> np.ndarray:
     """Deviations (n, C) shrunk by the noise in their energy (James and Stein, 1961).
 
     Featureless places become exactly equal, and carry no information on the position (paper, III-D). Outside
     the feature's region, if the scene gives one, deviations are set to zero.
     """
-    energy = scene.layout.mean(_smoothed(strain**2, tracks.slices))
+    scene, width = tracks.scene, max(round(_SMOOTHING / tracks.pitch), 1)
+    smoothed = [uniform_filter1d(strain[own] ** 2, width, axis=0, mode="nearest") for own in tracks.slices]
+    energy = scene.layout.mean(np.concatenate(smoothed))
     kept = np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0)
     if scene.feature is not None:
         kept = kept * phalanges_on_feature(scene, tracks.positions)
     return np.asarray(scene.layout.expand(kept))
-
-
-def _smoothed(values: np.ndarray, slices: list[slice], length: float = _SMOOTHING) -> np.ndarray:
-    """Moving averages of values (n, C) over a length along each track, as if those at its ends continued."""
-    width = round(length / PITCH)
-    return np.concatenate([uniform_filter1d(values[own], width, axis=0, mode="nearest") for own in slices])

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.base import flatten_axes
-from tactile_localizer.core.likelihood.noise_model import WhitenedScan, bounded
+from tactile_localizer.core.likelihood.noise_model import WhitenedScan
 from tactile_localizer.core.likelihood.student_t import log_density, weight
 from tactile_localizer.core.scan.interpolation import Expectation, interpolate, tiles
 from tactile_localizer.core.scan.tracks import PITCH
@@ -24,8 +23,6 @@ MOST_CELLS_IN_SPACE = 25_000
 10 ms: 50 mm x 50 mm x 20 degrees at 1.3 mm and 1.2 degrees."""
 _MOST_POINTS = 200
 """Points of a held-out track, about, to which the variance model is fitted."""
-_LONGEST_CORRELATION = 0.03
-"""Largest lag of the residual's autocorrelation, m."""
 
 _FIRST_SIGNAL, _FIRST_GAIN = 0.01, 0.03
 """First values of the factors of the signal, where there is a level from which it deviates."""
@@ -47,14 +44,12 @@ class VarianceModel:
     interpolation : factor of :attr:`.Expectation.interpolation_error`
     gain : variance of the factor by which visits differ in the signal of a phalanx, as for another force;
         zero as ``signal``
-    summed_correlation : m of travel between independent residuals
     """
 
     visit: float = 1.0
     signal: float = 0.0
     interpolation: float = 0.5
     gain: float = 0.0
-    summed_correlation: float = 0.003
 
     def variance(self, expected: Expectation, layout: ChannelLayout) -> np.ndarray:
         """Variance of a new visit, (M, K, F), in the directions in which there is no signal."""
@@ -137,15 +132,12 @@ def fit_variance(scan: WhitenedScan) -> VarianceModel:
     first = interpolation.best(1).expected(scan.signal)
     residuals = scan.strain[points] - first.mean[:, 0]
     for own in slices:
-        residuals[own] = material.innovations(residuals[own], PITCH, robust=True)
+        residuals[own] = material.innovations(residuals[own], scan.tracks.pitch, robust=True)
     points = np.arange(len(residuals))
     thinned = np.concatenate([points[own][:: max(1, len(points[own]) // _MOST_POINTS)] for own in slices])
     expected = interpolation.at(thinned).expected(scan.signal)
     by_component = residuals[thinned, None] + first.mean[thinned] - expected.mean
-    fitted = _fitted(expected, by_component, layout, material.sheet)
-    scaled = residuals / np.sqrt(layout.expand(fitted.variance(first, layout)[:, 0]))
-    length = summed_correlation([scaled[own] for own in slices], fitted.summed_correlation)
-    return replace(fitted, summed_correlation=length)
+    return _fitted(expected, by_component, layout, material.sheet)
 
 
 def _fitted(
@@ -217,22 +209,3 @@ def build_map(
     mean, spread, prior = tables
     by_axis = np.outer([name == "yaw" for name in scene.axis_names], scan.noise.turning)
     return StrainMap(origin, step, shape, mean, spread, prior, variance.gain, by_axis)
-
-
-def summed_correlation(series: Sequence[np.ndarray], otherwise: float) -> float:
-    """Integrated autocorrelation, m, of series (n, C) along tracks; a default where nothing varies."""
-    lags = round(_LONGEST_CORRELATION / PITCH)
-    products, counts = np.zeros(lags), np.zeros(lags)
-    for each in series:
-        values = bounded(each - np.median(each, axis=0))
-        for lag in range(min(lags, len(values) // 2)):
-            products[lag] += float(np.sum(values[: len(values) - lag] * values[lag:]))
-            counts[lag] += values[lag:].size
-    if products[0] <= 0.0:
-        return otherwise
-    correlation = np.divide(products, counts, out=np.zeros(lags), where=counts > 0) / (
-        products[0] / counts[0]
-    )
-    below = np.flatnonzero(correlation < 0.05)
-    end = int(below[0]) if len(below) else lags
-    return PITCH * (1.0 + 2.0 * float(correlation[1:end].sum()))

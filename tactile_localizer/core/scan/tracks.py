@@ -52,6 +52,16 @@ class Tracks:
         split = positions.shape[1]
         return cls(scene, joined[:, :split] / levers(scene), joined[:, split:], np.array([*map(len, means)]))
 
+    def part(self, points: np.ndarray) -> tuple[Tracks, np.ndarray]:
+        """Tracks of some of the ``points`` (n,) bool, each of successive ones; and of which tracks they are parts."""
+        kept = np.flatnonzero(points)
+        begins = np.diff(kept, prepend=-2) > 1
+        begins[1:] |= np.diff(self.number[kept]) > 0
+        starts = np.flatnonzero(begins)
+        counts = np.diff([*starts, len(kept)])
+        part = Tracks(self.scene, self.positions[kept], self.strain[kept], counts)
+        return part, self.number[kept[starts]]
+
     def __len__(self) -> int:
         return len(self.counts)
 
@@ -69,6 +79,13 @@ class Tracks:
     def number(self) -> np.ndarray:
         """Track (n,) of each point."""
         return np.repeat(np.arange(len(self)), self.counts)
+
+    @cached_property
+    def pitch(self) -> float:
+        """Median distance between successive points of a track, m: more than :data:`PITCH` where strains are rare."""
+        steps = np.diff(self.positions * levers(self.scene), axis=0)
+        steps = steps[np.diff(self.number) == 0]
+        return max(float(np.median(np.linalg.norm(steps, axis=1))), PITCH) if len(steps) else PITCH
 
     @cached_property
     def turns(self) -> np.ndarray:

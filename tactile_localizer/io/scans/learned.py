@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.calibration.calibration import Calibration
+from tactile_localizer.core.calibration.examination import Examination, Outcome
 from tactile_localizer.core.factory import learn
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
@@ -30,7 +31,7 @@ _log = logging.getLogger(__name__)
 
 FILE = "calibration.json"
 _MOST_BYTES = 2**20
-ALGORITHM = 15
+ALGORITHM = 16
 """Number that changes with the algorithm of :func:`~.factory.learn`."""
 
 
@@ -52,6 +53,7 @@ def learned_calibration(
         calibration = Calibration(
             np.array(values["registration_std"], dtype=np.float64),
             values["variance"] and VarianceModel(**values["variance"]),
+            _examination(values["examination"]),
         )
         if values == _content(digest, calibration) and len(calibration.registration_std) == scene.dimension:
             return calibration
@@ -75,6 +77,17 @@ def _content(digest: str, calibration: Calibration) -> dict[str, Any]:
     learned = {
         "registration_std": calibration.registration_std.tolist(),
         "variance": calibration.variance and dataclasses.asdict(calibration.variance),
+        "examination": dataclasses.asdict(calibration.examination),
     }
-    checksum = zlib.crc32(json.dumps(learned).encode())
-    return {"algorithm": ALGORITHM, "digest": digest, **learned, "checksum": checksum}
+    text = json.dumps(learned)
+    return {"algorithm": ALGORITHM, "digest": digest, **json.loads(text), "checksum": zlib.crc32(text.encode())}
+
+
+def _examination(values: dict[str, Any]) -> Examination:
+    """The examination of a scan from its JSON."""
+    outcomes = (
+        Outcome(**each | {"error": tuple(each["error"]), "spread": tuple(each["spread"])})
+        for each in values["outcomes"]
+    )
+    scores = tuple(tuple(each) for each in values["scores"])
+    return Examination(values["information_length"], values["ignorance"], tuple(outcomes), scores)

@@ -1,0 +1,25 @@
+"""What is learned from held-out sweeps, and kept with a scan."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_localizer.core.calibration.examination import Examination
+from tactile_localizer.core.likelihood.strain_map import VarianceModel
+
+
+class Calibration(NamedTuple):
+    """Parameters learned from held-out sweeps.
+
+    Parameters
+    ----------
+    registration_std : (d,) m (yaw: rad), standard deviation of the shift between sweeps
+    variance : variance model under which the sweeps were registered; ``None``: not stored
+    examination : of the scan, which gives the information length
+    """
+
+    registration_std: np.ndarray
+    variance: VarianceModel | None = None
+    examination: Examination = Examination()

@@ -1,0 +1,264 @@
+"""Examination of a scan: its own sweeps, held out and localized on the map without them.
+
+All strains of a sweep share errors of the map, so a strain is worth less than an independent measurement, and how
+much less depends on the material, the sensor and the scan. The *information length*, the travel per independent
+measurement, is that with the best log score: the mean logarithm of the probability that is given to the truth, a
+proper scoring rule (Gneiting and Raftery, 2007). So the learning rate of a generalized posterior (Bissiri, Holmes and
+Walker, 2016) is learned.
+
+Half of the score is that of sweeps on the map. The other half is that of parts of sweeps on a map of which their
+surroundings are left out: other material of the same kind, where the truth is that the hand is not on the map.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_localizer.core.calibration.held_out import surroundings
+from tactile_localizer.core.calibration.sweep_model import SweepModel
+from tactile_localizer.core.geometry.motion import MotionModel, levers
+from tactile_localizer.core.hypotheses.convergence import probability_within
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tracks import evenly
+from tactile_localizer.scene import Scene
+
+LENGTHS = (0.001, 0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
+"""Information lengths to choose from, m; the search begins at the middle."""
+UNEXAMINED = 0.0085
+"""Information length where no sweep can be held out, m. By judgement."""
+_MOST_SWEEPS = 6
+"""Sweeps that are held out."""
+_LONGEST = 0.1
+"""m of a sweep that are localized."""
+_LEAST_STRAINS = 10
+"""Strains of a part of a sweep that is localized."""
+_EACH = 4
+"""Measurement updates from one that is scored to the next."""
+_LEAST_PROBABILITY = 1e-6
+"""Least probability that is scored: that of one cell in a million."""
+_PERIOD_NS = 10_000_000
+"""Time between two strains, ns: so slow that each update distance leads to a measurement update."""
+
+Build = Callable[[SweepModel, Scene], Localizer]
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a held-out sweep, or a part of one, was localized.
+
+    Parameters
+    ----------
+    sweep : its number in the scan
+    on_map : whether its surroundings are on the map
+    score : mean logarithm of the probability given to the truth
+    right, wrong, converged : whether it was converged and right at its end; ever converged and wrong; ever converged
+    error : (d,) distance of the last estimate from the truth along each axis, m (yaw: rad)
+    spread : (d,) least standard deviation of an estimate along each axis, m (yaw: rad)
+    """
+
+    sweep: int
+    on_map: bool
+    score: float
+    right: bool
+    wrong: bool
+    converged: bool
+    error: tuple[float, ...]
+    spread: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What the held-out sweeps of a scan show.
+
+    Parameters
+    ----------
+    information_length : travel per independent measurement, m
+    ignorance : score of a uniform belief on the map
+    outcomes : of the sweeps, at that length
+    scores : of the lengths that were tried, m: on the map, and on other material
+    """
+
+    information_length: float = UNEXAMINED
+    ignorance: float = 0.0
+    outcomes: tuple[Outcome, ...] = ()
+    scores: tuple[tuple[float, float, float], ...] = ()
+
+    @cached_property
+    def on_map(self) -> tuple[Outcome, ...]:
+        """Outcomes on the map."""
+        return tuple(each for each in self.outcomes if each.on_map)
+
+    @cached_property
+    def off_map(self) -> tuple[Outcome, ...]:
+        """Outcomes on other material of the same kind."""
+        return tuple(each for each in self.outcomes if not each.on_map)
+
+    @property
+    def score(self) -> float:
+        """Mean score on the map; that of ignorance where nothing was held out."""
+        return _mean([each.score for each in self.on_map]) if self.on_map else self.ignorance
+
+    @property
+    def error(self) -> np.ndarray:
+        """Mean error (d,) along each axis of the sweeps that are right, m (yaw: rad); empty where none is."""
+        right = [each.error for each in self.on_map if each.right]
+        return np.mean(right, axis=0) if right else np.zeros(0)
+
+    @property
+    def spread(self) -> np.ndarray:
+        """Median over the sweeps of the least standard deviation (d,) along each axis, m (yaw: rad)."""
+        return np.median([each.spread for each in self.on_map], axis=0) if self.on_map else np.zeros(0)
+
+
+class _Trial(NamedTuple):
+    """A part of a held-out sweep: n positions (n, d) and strains (n, C), and a localizer on a map without it."""
+
+    sweep: int
+    on_map: bool
+    localizer: Localizer
+    positions: np.ndarray
+    strain: np.ndarray
+
+
+def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | None = None) -> Examination:
+    """Choose the information length by held-out sweeps.
+
+    Parameters
+    ----------
+    scan : whose sweeps are held out
+    model : learned from all of it
+    build : makes a localizer from a part of the model, over the scene in which that part lies
+    progress : called with the completed fraction
+    """
+    scene = model.scan.tracks.scene
+    trials = list(_trials(scan, model, build)) if len(model.scan.tracks) > 1 else []
+    if not any(trial.on_map for trial in trials):
+        return Examination()
+    tried: dict[int, list[Outcome]] = {}
+
+    def score(choice: int) -> float:
+        if choice not in tried:
+            tried[choice] = [_localize(trial, LENGTHS[choice]) for trial in trials]
+            if progress is not None:
+                progress(min(len(tried) / 5.0, 1.0))
+        return sum(_scores(tried[choice]))
+
+    best, step = len(LENGTHS) // 2, 1
+    score(best)
+    for step in (-1, 1):
+        while 0 <= best + step < len(LENGTHS) and score(best + step) > score(best):
+            best += step
+    scores = tuple((LENGTHS[choice], *_scores(tried[choice])) for choice in sorted(tried))
+    return Examination(LENGTHS[best], _ignorance(scene, trials[0].localizer), tuple(tried[best]), scores)
+
+
+def _trials(scan: Scan, model: SweepModel, build: Build) -> Iterator[_Trial]:
+    """Sweeps from their start and from further on, each on the map without it; and halves on the map of the other one."""
+    tracks, rng = model.scan.tracks, np.random.default_rng(0)
+    scene, count = tracks.scene, len(tracks)
+    positions, strain = scan.positions_on(scene), scan.strain_on(scene)
+    # The outermost ones lie beside the map of the others.
+    edge = int(count > 4)
+    chosen = [edge + index for index in evenly(count - 2 * edge, _MOST_SWEEPS)]
+    sweeps = [np.flatnonzero(scan.sweep == scan.sweep_numbers[index]) for index in chosen]
+    for index, own in zip(chosen, sweeps, strict=True):
+        localizer = build(model.part(tracks.number != index), scene)
+        for begin in (0, int(rng.uniform(0.15, 0.6) * len(own))):
+            rows = _first(own[begin:], positions, scene)
+            yield _Trial(index, True, localizer, positions[rows], strain[rows])
+    extent = np.array([np.ptp(tracks.positions[own], axis=0) for own in tracks.slices]) * levers(scene)
+    along = int(np.median(extent, axis=0).argmax())
+    middle = 0.5 * float(tracks.positions[:, along].min() + tracks.positions[:, along].max())
+    for side in (0, 1):
+        kept = (tracks.positions[:, along] > middle) == bool(side)
+        if kept.all() or not kept.any():
+            continue
+        localizer = build(model.part(kept), surroundings(scene, tracks.positions[kept]))
+        for index, own in list(zip(chosen, sweeps, strict=True))[side::2]:
+            rows = own[(positions[own, along] > middle) != bool(side)]
+            if len(rows) >= _LEAST_STRAINS:
+                rows = _first(rows, positions, scene)
+                yield _Trial(index, False, localizer, positions[rows], strain[rows])
+
+
+def _first(rows: np.ndarray, positions: np.ndarray, scene: Scene) -> np.ndarray:
+    """The first :data:`_LONGEST` metres of a sweep."""
+    return rows[_travels(positions[rows], scene).cumsum() <= _LONGEST]
+
+
+def _travels(positions: np.ndarray, scene: Scene) -> np.ndarray:
+    """Travel (n,) to each of positions (n, d) from the one before it, m."""
+    motion = MotionModel(scene)
+    return motion.travels(motion.wrapped(np.diff(positions, axis=0, prepend=positions[:1])))
+
+
+def _localize(trial: _Trial, information_length: float) -> Outcome:
+    """Localize a trial with the noise of odometry, scoring what is published of the truth."""
+    localizer, positions = trial.localizer, trial.positions
+    scene, radius = localizer.scene, localizer.criteria.radius
+    motion = MotionModel(scene)
+    localizer.reset()
+    localizer.information_length = information_length
+    rng = np.random.default_rng(trial.sweep)
+    steps = rng.standard_normal(positions.shape) * scene.motion_std
+    odometry = positions + np.cumsum(steps * np.sqrt(_travels(positions, scene))[:, None], axis=0)
+    score, spread, updates = [], np.full(scene.dimension, np.inf), 0
+    right = wrong = converged = False
+    away = np.zeros(scene.dimension)
+    for row, (place, strain) in enumerate(zip(odometry, trial.strain, strict=True)):
+        estimate = localizer.update((1 + row) * _PERIOD_NS, place, strain)
+        away = motion.displacement(positions[row], estimate.mean)
+        near = trial.on_map and float(np.square(away / radius).sum()) <= 1.0
+        right, wrong = estimate.converged and near, wrong or (estimate.converged and not near)
+        converged = converged or estimate.converged
+        updates += estimate.updated
+        if estimate.updated and updates % _EACH == 0:
+            score.append(math.log(max(_probability(trial, positions[row]), _LEAST_PROBABILITY)))
+            spread = np.minimum(spread, np.sqrt(estimate.covariance.diagonal()))
+    return Outcome(
+        trial.sweep,
+        trial.on_map,
+        _mean(score),
+        bool(right),
+        bool(wrong),
+        bool(converged),
+        tuple(np.abs(away).tolist()),
+        tuple(np.minimum(spread, scene.extent).tolist()),
+    )
+
+
+def _probability(trial: _Trial, truth: np.ndarray) -> float:
+    """What the localizer gives to the truth: being on the map and near it, or not being on the map."""
+    localizer = trial.localizer
+    if not trial.on_map:
+        return 1.0 - localizer.explanations.on_map
+    states, weights = localizer.hypotheses()
+    away = MotionModel(localizer.scene).displacement(truth, states)
+    radius, variance = localizer.criteria.radius, localizer.registration_variance
+    return localizer.explanations.tracked * probability_within(away, weights, radius, variance)
+
+
+def _scores(outcomes: Sequence[Outcome]) -> tuple[float, float]:
+    """Mean score on the map, and on other material."""
+    by_truth = ([each.score for each in outcomes if each.on_map is on_map] for on_map in (True, False))
+    on_map, off_map = (_mean(each) for each in by_truth)
+    return on_map, off_map
+
+
+def _mean(values: Sequence[float]) -> float:
+    return float(np.mean(values)) if values else 0.0
+
+
+def _ignorance(scene: Scene, localizer: Localizer) -> float:
+    """Logarithm of the fraction of the scene that lies within the convergence radius of a place."""
+    axes, radius = scene.dimension, localizer.criteria.radius
+    ball = math.pi ** (0.5 * axes) / math.gamma(0.5 * axes + 1.0)
+    return min(math.log(ball) + float(np.log(radius / scene.extent).sum()), 0.0)
