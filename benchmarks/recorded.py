@@ -237,6 +237,7 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         "learning_s": learning_s,
         "learned": {
             **learned_values(calibration._asdict()),
+            "information_length": calibration.examination.information_length,
             "memory": memory if np.isfinite(memory) else "constant",
         },
         "standard_errors": standard_errors(measures, sweeps),

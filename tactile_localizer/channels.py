@@ -78,6 +78,10 @@ class ChannelLayout:
         """Whether all channels of each phalanx have their flag set, (..., C) to (..., F) bool."""
         return np.logical_and.reduceat(flags, self._starts, axis=-1)
 
+    def any(self, flags: np.ndarray) -> np.ndarray:
+        """Whether any channel of each phalanx has its flag set, (..., C) to (..., F) bool."""
+        return np.logical_or.reduceat(flags, self._starts, axis=-1)
+
     def place(self, element: int) -> tuple[int, int]:
         """Phalanx index of an element of the strain vector, and its channel number there, from 1."""
         phalanx = int(self.phalanx[element])

@@ -22,6 +22,8 @@ from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.core.plausibility import still_travel
+from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
@@ -64,7 +66,7 @@ def build_localizer(
     if calibration is None:
         calibration = _calibrated(scan, scene, learned, say)
     position_model = _position_model(scan, scene, configuration, learned, calibration)
-    localizer = _assembled(learned, scene, configuration, calibration, rng, None, position_model)
+    localizer = _assembled(learned, scene, configuration, calibration, rng, scan, None, position_model)
     say("ready", 1.0)
     return localizer
 
@@ -75,6 +77,7 @@ def _assembled(
     configuration: Configuration,
     calibration: Calibration,
     rng: np.random.Generator,
+    scan: Scan,
     quiet_energy: np.ndarray | None = None,
     position_model: tuple[MeasurementModel, float] | None = None,
 ) -> Localizer:
@@ -96,6 +99,8 @@ def _assembled(
         calibration.registration_std,
         quiet_energy,
         Anchors(scene),
+        ScanRange.of(scan, scene),
+        still_travel(scan, scene),
     )
 
 
@@ -107,7 +112,7 @@ def _calibrated(scan: Scan, scene: Scene, learned: SweepModel, say: Progress) ->
     quiet = learned.quiet_energy(whole, UNEXAMINED)
 
     def build(part: SweepModel, within: Scene) -> Localizer:
-        return _assembled(part, within, _EXAMINED, prior, np.random.default_rng(0), quiet)
+        return _assembled(part, within, _EXAMINED, prior, np.random.default_rng(0), scan, quiet)
 
     examination = examine(
         scan, learned, build, lambda done: say("examining the scan by held-out sweeps", 0.2 + 0.7 * done)

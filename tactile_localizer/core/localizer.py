@@ -22,11 +22,12 @@ from tactile_localizer.core.hypotheses.convergence import (
 from tactile_localizer.core.hypotheses.explanations import ELSEWHERE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
-from tactile_localizer.core.likelihood.other_material import variance_factor
+from tactile_localizer.core.likelihood.other_material import ENERGY_LENGTH, variance_factor
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.weights import normalize
 from tactile_localizer.core.likelihood.white_noise import SweepNoise
-from tactile_localizer.core.plausibility import PhalanxConsistency, StampUnit
+from tactile_localizer.core.plausibility import StampUnit, StuckGauges
+from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.strain_mean import StrainMean
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
@@ -54,7 +55,7 @@ class Estimate(NamedTuple):
     log_marginal : log P(z_t | z_1:t-1) at the last measurement update, on the map, nats; tempered as in the
         filter, then scaled to a whole measurement
     log_other : the same of other material, nats
-    consistent : (F,) bool, phalanges that are not stuck
+    consistent : (F,) bool, phalanges without a gauge that is stuck; ``reason`` names the gauges
     effective_sample_size, hypotheses : of the particles or cells
     travel : m since the belief was uniform
     updated : whether this strain led to a measurement update; otherwise the belief was only moved along
@@ -122,6 +123,8 @@ class Localizer:
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
     quiet_energy : (F,) usual energy of the scan's innovations from featureless material
     anchors : trajectories that represent the whole map
+    scan_range : range of the scan's strains
+    still_travel : (C,) m over which each channel of the scan repeats its strain
     """
 
     def __init__(
@@ -136,6 +139,8 @@ class Localizer:
         registration_std: np.ndarray,
         quiet_energy: np.ndarray,
         anchors: Anchors,
+        scan_range: ScanRange,
+        still_travel: np.ndarray,
     ) -> None:
         self.scene = scene
         self.filter = bayes_filter
@@ -147,7 +152,7 @@ class Localizer:
         self._registration = np.diag(registration_std**2)
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
-        self._consistency = PhalanxConsistency(scene.layout)
+        self._gauges, self._range = StuckGauges(still_travel), scan_range
         self._quiet_energy, self._anchors = quiet_energy, anchors
         self._stamp_unit = StampUnit()
         self._stamp_ns: int | None = None
@@ -168,8 +173,21 @@ class Localizer:
         self._restart()
 
     def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
-        """Start from a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad)."""
-        self.filter.seed(mean, std)
+        """Start from a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad).
+
+        Raises
+        ------
+        MeasurementError
+            Not as many finite numbers as axes, or a negative deviation; the belief is untouched.
+        """
+        axes = self.scene.dimension
+        for name, values in (("mean", mean), ("std", std)):
+            numbers = real_numbers(values, name)
+            if numbers.shape != (axes,) or not has_finite_squares(numbers):
+                raise MeasurementError(f"{name}: expected {axes} finite numbers, got {values}")
+        if (np.asarray(std) < 0.0).any():
+            raise MeasurementError(f"std: expected no negative deviation, got {std}")
+        self.filter.seed(np.asarray(mean, dtype=np.float64), np.asarray(std, dtype=np.float64))
         self._restart()
 
     def adjust(self, criteria: ConvergenceCriteria, update_distance: float) -> None:
@@ -224,8 +242,8 @@ class Localizer:
         if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
             self.reset()
         self._stamp_ns = stamp_ns
-        travel = self._mean.add(position, strain, here)
-        self._noise.observe(strain, self.scene.layout.expand(here), travel)
+        kept = self._noise.observe(strain, self.scene.layout.expand(here), self._mean.step(position))
+        self._mean.add(position, kept, here)
         updated = self._belief is None or (
             self._mean.travel >= self._update_distance and stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS
         )
@@ -235,7 +253,7 @@ class Localizer:
         return self._estimate(stamp_ns, updated)
 
     def _restart(self) -> None:
-        for part in (self._convergence, self._consistency, self._anchors, self._mean, self._noise):
+        for part in (self._convergence, self._gauges, self._anchors, self._mean, self._noise):
             part.reset()
         anchors = len(self._anchors)
         # The first prediction has no ancestors: all trajectories begin at the anchors.
@@ -251,7 +269,7 @@ class Localizer:
         self._stamp_ns = None
         self._updated_ns = 0
         self._belief = None
-        self._travel = 0.0
+        self._travel = self._outside = 0.0
         self._log_likelihoods = np.full(2, np.nan)
 
     def _measure(self, last: np.ndarray, present: np.ndarray) -> None:
@@ -259,11 +277,16 @@ class Localizer:
         strain, displacement = self._mean.take()
         travel = self._motion.travel(displacement)
         stretch = max(travel, self._update_distance)
-        self._consistency.observe(last, present, travel)
-        used, exponent = self._used(present), min(1.0, stretch / self.information_length)
+        self._gauges.observe(last, self.scene.layout.expand(present), travel)
+        working = self._working(present)
+        used, exponent = self.scene.layout.any(working), min(1.0, stretch / self.information_length)
+        outside = float(self._range.strains_outside(last, used))
+        self._outside += (
+            min(1.0, travel / ENERGY_LENGTH) * (outside - self._outside) if self._belief else outside
+        )
 
         prediction, sweep = self._predict(displacement, travel)
-        model = self._with_noise(sweep.model, used)
+        model = self._with_noise(sweep.model, working)
         states = len(prediction.states)
         places = np.concatenate([prediction.states, self._anchors.states])
         nodes, expected = model.expected(places)
@@ -298,14 +321,17 @@ class Localizer:
         volume = float(model.noise.log_volume[used].sum())
         self._log_likelihoods = np.array([tracked, other]) + volume
         self._travel += travel
-        self._decide(prediction.states, weights, belief, travel, exponent * (tracked - other))
+        self._decide(prediction.states, weights, belief, travel)
 
-    def _with_noise(self, model: SweepMixture, used: np.ndarray) -> SweepMixture:
-        """The model for the noise of the sweep: that of before, or a new one where it changed by a fifth."""
+    def _with_noise(self, model: SweepMixture, working: np.ndarray) -> SweepMixture:
+        """The model for the noise of the sweep: that of before, or a new one where it changed by a fifth.
+
+        A channel that is not ``working`` (C,) is all noise.
+        """
         usual = self.model.noise.variance
         excess = np.minimum(self._noise.excess(self._update_distance), _SILENT * usual)
-        # Channels are whitened together: a phalanx that does not count is one that is all noise.
-        excess = np.where(self.scene.layout.expand(used), excess, _SILENT * usual)
+        # Channels are whitened together: one that does not count is one that is all noise.
+        excess = np.where(working, excess, _SILENT * usual)
         changed = np.abs(excess - model.excess) > _CHANGED * (usual + model.excess)
         return self.model.with_noise(excess) if changed.any() else model
 
@@ -340,18 +366,37 @@ class Localizer:
         strain = self.model.material.mixed(level_out, strain)
         return self._position_model.log_likelihood(prediction.states, strain, used)
 
-    def _decide(self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float, evidence: float) -> None:
+    def _decide(self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float) -> None:
         """Whether the position has converged."""
         explanations = self._sweep.explanations
         away = self._motion.displacement(belief.mean, states)
         radius, registration = self._convergence.criteria.radius, self._registration.diagonal()
         near = probability_within(away, weights, radius, registration)
-        self._convergence.update(near, explanations.tracked, explanations.other, travel, evidence)
+        self._convergence.update(
+            near, explanations.tracked, explanations.other, travel, self._contradiction()
+        )
 
-    def _used(self, present: np.ndarray) -> np.ndarray:
-        """Phalanges that are present and consistent; the present ones, where none is left."""
-        used = present & self._consistency.consistent
-        return used if used.any() else present
+    def _working(self, present: np.ndarray) -> np.ndarray:
+        """Channels (C,) bool of the phalanges ``present`` (F,) that are not stuck; all, where none is left."""
+        channels = self.scene.layout.expand(present)
+        working = channels & ~self._gauges.stuck
+        return working if working.any() else channels
+
+    def _contradiction(self) -> str:
+        """What is known to contradict the map, in words; empty: nothing.
+
+        Where the level of a sweep wanders, the range of the scan's says nothing.
+        """
+        if self._outside > 0.5 and self.model.material.sheet > 0.5:
+            return f"{self._outside:.0%} of the strains are outside the range of the scan"
+        return ""
+
+    def _stuck_gauges(self) -> str:
+        """The gauges that stand still, to be added to a reason."""
+        stuck = np.flatnonzero(self._gauges.stuck).tolist()
+        places = (self.scene.layout.place(channel) for channel in stuck)
+        names = [f"{self.scene.phalanges[phalanx].name}_{number}" for phalanx, number in places]
+        return f"; {', '.join(names)} {'stand' if len(names) > 1 else 'stands'} still" if names else ""
 
     def _reason(self, travel: float) -> str:
         """Why the position has converged or not; before the hand moves, there is no other reason."""
@@ -374,12 +419,12 @@ class Localizer:
             covariance=covariance,
             trace=sum(covariance.ravel().tolist()[:: len(covariance) + 1]),
             state=convergence.state,
-            reason=self._reason(self._travel + travel),
+            reason=self._reason(self._travel + travel) + self._stuck_gauges(),
             probability=convergence.probability,
             on_map=self._sweep.explanations.on_map,
             log_marginal=log_marginal,
             log_other=log_other,
-            consistent=self._consistency.consistent,
+            consistent=~self.scene.layout.any(self._gauges.stuck),
             effective_sample_size=belief.effective_sample_size,
             hypotheses=belief.hypotheses,
             travel=self._travel + travel,

@@ -1,13 +1,15 @@
-"""Plausibility of what a localizer receives: the unit of the stamps, and load cells that are stuck."""
+"""Plausibility of what a localizer receives: the unit of the stamps, and gauges that are stuck."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.geometry.runs import NANOSECONDS
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.quantity import is_number
+from tactile_localizer.scene import Scene
 
 _MIN_PERIOD_NS = NANOSECONDS // 10_000
 """Shortest plausible period of a tactile sensor, ns (judgement); stamps in µs advance by less."""
@@ -15,8 +17,8 @@ _MAX_TRAVEL_M = 0.01
 """m of travel at a shorter period, over several samples, that is refused."""
 _MIN_SAMPLES = 3
 _STUCK = 0.002
-"""m of travel over which a phalanx that repeats its strain to the last bit, while another changes, is stuck:
-a load cell that works has noise."""
+"""m of travel over which a gauge that repeats its strain to the last bit, while another changes, is stuck: a gauge
+that works has noise. Longer where it did so in the scan, as a coarse one does."""
 
 
 class StampUnit:
@@ -54,33 +56,46 @@ class StampUnit:
             )
 
 
-class PhalanxConsistency:
-    """Which phalanges are not stuck. A phalanx that contradicts the map otherwise speaks against the map.
+class StuckGauges:
+    """Which gauges repeat their strain to the last bit, while another one changes.
 
     Parameters
     ----------
-    layout : channels of each phalanx
-
-    Attributes
-    ----------
-    consistent : (F,) bool; replaced, never changed in place
+    longest : (C,) m of travel over which each did so in the scan; infinite for one that is never judged
     """
 
-    def __init__(self, layout: ChannelLayout) -> None:
-        self._layout = layout
+    def __init__(self, longest: np.ndarray) -> None:
+        self._limit = np.maximum(_STUCK, 2.0 * longest)
         self.reset()
 
     def reset(self) -> None:
-        """Take every phalanx as consistent."""
-        self.consistent = np.ones(self._layout.phalanges, dtype=bool)
+        """Take every gauge as working."""
         self._last: np.ndarray | None = None
-        self._unchanged = np.zeros(self._layout.phalanges)
+        self._unchanged = np.zeros(len(self._limit))
 
     def observe(self, strain: np.ndarray, present: np.ndarray, travel: float) -> None:
-        """Note which phalanges repeat their ``strain`` (C,) over ``travel`` metres; ``present`` (F,) bool."""
+        """Take in a ``strain`` (C,) after ``travel`` metres; ``present`` (C,) bool."""
         if self._last is not None:
-            same = present & self._layout.all(strain == self._last)
+            same = present & (strain == self._last)
             others_change = (present & ~same).any()
             self._unchanged = np.where(same, self._unchanged + travel * others_change, 0.0)
         self._last = strain.copy()
-        self.consistent = self._unchanged < _STUCK
+
+    @property
+    def stuck(self) -> np.ndarray:
+        """(C,) bool."""
+        return self._unchanged >= self._limit
+
+
+def still_travel(scan: Scan, scene: Scene) -> np.ndarray:
+    """Longest travel (C,), m, over which each channel of a scan repeats its strain; infinite if it never changes."""
+    motion, positions, strain = MotionModel(scene), scan.positions_on(scene), scan.strain_on(scene)
+    longest = np.zeros(strain.shape[1])
+    for number in scan.sweep_numbers:
+        own = scan.sweep == number
+        path = positions[own]
+        along = motion.travels(motion.wrapped(np.diff(path, axis=0, prepend=path[:1]))).cumsum()
+        for channel, values in enumerate(strain[own].T):
+            ends = np.append(np.flatnonzero(np.diff(values)), len(values) - 1)
+            longest[channel] = max(longest[channel], float(np.diff(along[ends], prepend=0.0).max()))
+    return np.where((strain == strain[:1]).all(axis=0), np.inf, longest)

@@ -33,20 +33,22 @@ class StrainMean:
         self._last = self._updated_at = self._mean_at = self._first = np.zeros(0)
         self._sum, self._moved, self._present = np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)
 
-    def add(self, position: np.ndarray, strain: np.ndarray, present: np.ndarray) -> float:
-        """Add a strain (C,) at a palm position (d,); returns the travel since the strain before it, m."""
+    def step(self, position: np.ndarray) -> float:
+        """Travel to a palm position (d,) from that of the strain before it, m."""
+        return self._motion.travel(self._motion.displacement(self._last, position)) if self._begun else 0.0
+
+    def add(self, position: np.ndarray, strain: np.ndarray, present: np.ndarray) -> None:
+        """Add a strain (C,) at a palm position (d,)."""
         if not self._begun:
             self._begun, self._last, self._updated_at, self._mean_at = True, position, position, position
         far = self._count and self._motion.travel(self._motion.displacement(self._first, position)) > _LONGEST
         if not self._count or far or (present != self._present).any():
             self._count, self._present, self._first = 0, present, position
             self._sum, self._moved = np.zeros_like(strain), np.zeros_like(position)
-        step = self._motion.travel(self._motion.displacement(self._last, position))
         self._last = position
         self._count += 1
         self._sum = self._sum + strain
         self._moved = self._moved + self._motion.displacement(self._updated_at, position)
-        return step
 
     @property
     def travel(self) -> float:

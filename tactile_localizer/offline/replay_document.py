@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.io.recording import Recording
@@ -23,11 +23,11 @@ from tactile_localizer.scene import Scene
 def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) -> dict[str, str]:
     """What was learned from a scan, by name, with units; the noise is in the unit of the scan's strain."""
     memory, sheet = model.drift.memory, model.material.sheet
-    kinds = {0.0: "textured everywhere", 1.0: "featureless between features"}
+    kinds = {0.0: "the level of a sweep wanders", 1.0: "the level of a sweep is constant"}
     noise = np.linalg.norm(np.linalg.inv(model.noise.whitening), axis=1)
     return {
-        "material": kinds.get(sheet, f"in between: {100.0 * sheet:.0f} % of a sheet, the rest cloth"),
-        "information length": f"{model.material.information_length * MM:.1f} mm",
+        "material": kinds.get(sheet, f"the level of a sweep is constant with probability {sheet:.2f}"),
+        "information length": f"{calibration.examination.information_length * MM:.1f} mm",
         "memory of the offset": f"{memory * MM:.0f} mm" if np.isfinite(memory) else "constant",
         "noise of a channel": f"{np.median(noise):.2g} ({noise.min():.2g} to {noise.max():.2g})",
         "registration": describe_sizes(scene, calibration.registration_std),

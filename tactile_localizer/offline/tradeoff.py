@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.scan import Scan

@@ -17,5 +17,10 @@ def test_a_calibration_has_the_number_of_the_algorithm_that_learned_it() -> None
     calibration = learn(scan_of(simulate_recording("bump", 1, sweeps=11), scene), scene)
     assert calibration.variance is not None
     variance = calibration.variance
-    found = [*calibration.registration_std, *variance.factors, variance.gain, variance.summed_correlation]
+    found = [
+        *calibration.registration_std,
+        *variance.factors,
+        variance.gain,
+        calibration.examination.information_length,
+    ]
     assert LEARNED[ALGORITHM] == pytest.approx(found, rel=0.01)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.sweeps import scene_of, unseen_sweep
 
-from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.geometry.synchronization import Pairing

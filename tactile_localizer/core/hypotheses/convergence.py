@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -38,7 +37,6 @@ class ConvergenceCriteria:
     radius: np.ndarray
     probability: float = 0.97
     sustain: float = 0.001
-    map_margin: float = 0.0
     release: float = 0.5
 
 
@@ -98,9 +96,15 @@ class Convergence:
         self.reason = "not converged: no measurement yet"
         self.probability = 0.0
         self._held = 0.0
-        self.evidence = 0.0
 
-    def update(self, near: float, on_map: float, unknown: float, travel: float, evidence: float) -> None:
+    def update(
+        self,
+        near: float,
+        on_map: float,
+        unknown: float,
+        travel: float,
+        contradiction: str = "",
+    ) -> None:
         """Take in one update of the filter.
 
         Parameters
@@ -108,20 +112,23 @@ class Convergence:
         near : mass of the belief within the radius of its mean
         on_map, unknown : probabilities of being on the map, and on unknown material
         travel : m since the last update
+        contradiction : what is known to contradict the map, in words
         """
         criteria = self.criteria
         self.probability = near * on_map
-        self.evidence = self.evidence * math.exp(-travel / max(criteria.sustain, 1e-9)) + evidence
-        holds = self.probability > criteria.probability and self.evidence >= criteria.map_margin
+        holds = self.probability > criteria.probability
         self._held = self._held + travel if holds else 0.0
-        if holds and self._held >= criteria.sustain:
+        if contradiction:
+            self.state, self._held = State.UNKNOWN, 0.0
+        elif holds and self._held >= criteria.sustain:
             self.state = State.CONVERGED
         elif self.state is State.CONVERGED:
             if self.probability < criteria.release:
                 self.state = State.LOST
         elif self.state is not State.LOST or holds:
             self.state = State.UNKNOWN if unknown > criteria.probability else State.SEARCHING
-        self.reason = self._explain(near, on_map, holds)
+        explained = self._explain(near, on_map, holds)
+        self.reason = f"unknown material: {contradiction}" if contradiction else explained
 
     def _explain(self, near: float, on_map: float, holds: bool) -> str:
         if self.state is State.CONVERGED:

@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift
-from tactile_localizer.core.likelihood.material import Material
+from tactile_localizer.core.likelihood.material import CLOTH_MEMORY, Material
 from tactile_localizer.core.likelihood.student_t import log_density, scatter
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise, white_noise
 from tactile_localizer.core.scan.interpolation import HeldOut, hold_out
@@ -122,8 +122,10 @@ def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
     if held_out is None:  # of the level of a single sweep nothing is known
         return _whitened(tracks, spacing, None, Material(0.0), white, resolution)
     sheet = _whitened(tracks, spacing, held_out, Material(1.0), white, resolution)
-    material = Material.of(_wander(sheet, held_out))
-    return sheet if material.sheet == 1.0 else _whitened(tracks, spacing, held_out, material, white, resolution)
+    material = Material.of(_texture_ratio(sheet, held_out), _wander(sheet, held_out))
+    return (
+        sheet if material.sheet == 1.0 else _whitened(tracks, spacing, held_out, material, white, resolution)
+    )
 
 
 def _whitened(
@@ -163,13 +165,31 @@ def _whitened(
     return WhitenedScan(tracks, spacing, held_out, material, noise, offsets, strain, kept * strain)
 
 
+def _texture_ratio(scan: WhitenedScan, held_out: HeldOut) -> float:
+    """Median of the signal's energy over all places, divided by its 0.9 quantile.
+
+    The energy is the product of two sweeps: their noise is independent, so it vanishes in the mean, however
+    noisy the sensor is. Between features it is nearly zero, but not on a texture.
+    """
+    layout = scan.noise.layout
+    expected = held_out.interpolation.best(1).expected(scan.strain).mean[:, 0]
+    product, width = scan.strain[held_out.points] * expected, _points(CLOTH_MEMORY, scan.tracks)
+    energy = layout.mean(_smoothed(product, held_out.slices, width))
+    typical, strong = np.quantile(energy, [0.5, 0.9], axis=0).sum(axis=1)
+    return float(max(typical, 0.0) / max(strong, 1e-300))
+
+
 def _wander(scan: WhitenedScan, held_out: HeldOut) -> float:
     """Log-likelihood of held-out residuals under a level that wanders, less that under a constant one, nats.
 
-    It is predictive: of each residual given those before it. Strains nearer than :data:`_INDEPENDENT` count in part.
+    It is predictive: of each residual given those before it. Strains nearer than :data:`_INDEPENDENT` count in part,
+    and so do those at places where the map itself is uncertain.
     """
     layout, pitch = scan.noise.layout, scan.tracks.pitch
-    residual = scan.strain[held_out.points] - held_out.interpolation.best(1).expected(scan.signal).mean[:, 0]
+    expected = held_out.interpolation.best(1).expected(scan.signal)
+    # The noise of the mean is left in: where a map is of few sweeps, the safer model is preferred.
+    variance = 1.0 + layout.mean(expected.interpolation_error[:, 0])
+    residual = (scan.strain[held_out.points] - expected.mean[:, 0]) / np.sqrt(layout.expand(variance))
     information, total = min(1.0, pitch / _INDEPENDENT), 0.0
     for memory, sign in ((WANDER_LENGTH, 1.0), (math.inf, -1.0)):
         drift = Drift(memory, 1.0, np.maximum(scan.noise.offset_variance, 1e-6), OUTLIER * layout.size)
@@ -290,10 +310,19 @@ def _kept(strain: np.ndarray, tracks: Tracks) -> np.ndarray:
     Featureless places become exactly equal, and carry no information on the position (paper, III-D). Outside
     the feature's region, if the scene gives one, deviations are set to zero.
     """
-    scene, width = tracks.scene, max(round(_SMOOTHING / tracks.pitch), 1)
-    smoothed = [uniform_filter1d(strain[own] ** 2, width, axis=0, mode="nearest") for own in tracks.slices]
-    energy = scene.layout.mean(np.concatenate(smoothed))
+    scene = tracks.scene
+    energy = scene.layout.mean(_smoothed(strain**2, tracks.slices, _points(_SMOOTHING, tracks)))
     kept = np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0)
     if scene.feature is not None:
         kept = kept * phalanges_on_feature(scene, tracks.positions)
     return np.asarray(scene.layout.expand(kept))
+
+
+def _points(length: float, tracks: Tracks) -> int:
+    """Number of points of a track in a length, m."""
+    return max(round(length / tracks.pitch), 1)
+
+
+def _smoothed(values: np.ndarray, slices: list[slice], width: int) -> np.ndarray:
+    """Moving averages of values (n, C) over points along each track, as if those at its ends continued."""
+    return np.concatenate([uniform_filter1d(values[own], width, axis=0, mode="nearest") for own in slices])

@@ -24,6 +24,8 @@ _MEMORY = 50
 """Most strains over which the noise of a sweep is averaged. By judgement."""
 _SIGNIFICANT = 2.0
 """Standard errors by which the noise of a sweep has to exceed the scan's. By judgement."""
+_SPIKE = 10.0
+"""Standard deviations of a second difference from which a strain is a spike: far more than at an edge. By judgement."""
 _MOST = 20_000
 """Differences from which the noise of a scan is measured."""
 
@@ -72,7 +74,8 @@ def _robust(squares: np.ndarray) -> np.ndarray:
     """Variance (C,) under which bounded squares (n, C) have the mean of a normal distribution's."""
     variance = squares.mean(axis=0) + 1e-300
     for _ in range(50):
-        variance *= np.minimum(squares / variance, _BOUND).mean(axis=0) / _MEAN + 1e-300
+        variance *= np.minimum(squares / variance, _BOUND).mean(axis=0) / _MEAN
+        variance += 1e-300  # of a channel that does not change
     return np.asarray(variance)
 
 
@@ -82,6 +85,10 @@ class SweepNoise:
     Parameters
     ----------
     scan : noise of the scan
+
+    Attributes
+    ----------
+    spikes : (C,) int, number of spikes of each channel in this sweep
     """
 
     def __init__(self, scan: WhiteNoise) -> None:
@@ -95,11 +102,20 @@ class SweepNoise:
         self._last: np.ndarray | None = None
         self._step: np.ndarray | None = None
         self._present, self._strains = b"", 0
+        self._kept = self._kept_step = np.zeros(0)
+        self._spiked = np.zeros(len(self._variance), dtype=bool)
+        self.spikes = np.zeros(len(self._variance), dtype=int)
 
-    def observe(self, strain: np.ndarray, present: np.ndarray, travel: float) -> None:
-        """Take in a strain (C,), V, ``travel`` metres after the last one; ``present`` (C,) bool."""
+    def observe(self, strain: np.ndarray, present: np.ndarray, travel: float) -> np.ndarray:
+        """Take in a strain (C,), V, ``travel`` metres after the last one; ``present`` (C,) bool.
+
+        Returns the strain, in which spikes are replaced by what the two strains before them predict. A spike is a
+        single value that is off by :data:`_SPIKE` standard deviations; the next one is taken as it is.
+        """
         if self._present != present.tobytes():  # compared faster than arrays
             self._present, self._last, self._step = present.tobytes(), None, None
+            self._spiked = np.zeros(len(strain), dtype=bool)
+        kept = self._without_spikes(strain)
         self._strains += 1
         step = None if self._last is None else strain - self._last
         if step is not None and self._step is not None:
@@ -108,15 +124,30 @@ class SweepNoise:
             self._variance = self._variance * (1.0 + change * present)
             self._spacing += (travel - self._spacing) * self._gain
         self._last, self._step = strain, step
+        return kept
+
+    def _without_spikes(self, strain: np.ndarray) -> np.ndarray:
+        if self._last is None or self._step is None:
+            self._kept_step = strain - self._last if self._last is not None else np.zeros_like(strain)
+            self._kept = strain
+            return strain
+        predicted = self._kept + self._kept_step
+        off = np.square(strain - predicted) > _SPIKE**2 * 6.0 * self._variance
+        self._spiked = off & ~self._spiked
+        if self._spiked.any():
+            self.spikes = self.spikes + self._spiked
+            strain = np.where(self._spiked, predicted, strain)
+        self._kept, self._kept_step = strain, strain - self._kept
+        return strain
 
     def excess(self, pitch: float) -> np.ndarray:
         """Variance (C,), V^2, by which the noise of a mean over ``pitch`` metres exceeds the scan's.
 
-        Zero where it does so by less than :data:`_SIGNIFICANT` standard errors.
+        Zero where it does so by less than :data:`_SIGNIFICANT` standard errors of the scan's noise.
         """
         usual = self._scan.at(self._spacing)
-        least = self._variance * (1.0 - _SIGNIFICANT * _ERROR * math.sqrt(self._gain))
-        more = np.where(least > usual, self._variance - usual, 0.0)
+        most = usual * (1.0 + _SIGNIFICANT * _ERROR * math.sqrt(self._gain))
+        more = np.where(self._variance > most, self._variance - usual, 0.0)
         return np.asarray(more / max(pitch / max(self._spacing, 1e-9), 1.0))
 
     @property

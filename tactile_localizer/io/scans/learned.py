@@ -80,7 +80,12 @@ def _content(digest: str, calibration: Calibration) -> dict[str, Any]:
         "examination": dataclasses.asdict(calibration.examination),
     }
     text = json.dumps(learned)
-    return {"algorithm": ALGORITHM, "digest": digest, **json.loads(text), "checksum": zlib.crc32(text.encode())}
+    return {
+        "algorithm": ALGORITHM,
+        "digest": digest,
+        **json.loads(text),
+        "checksum": zlib.crc32(text.encode()),
+    }
 
 
 def _examination(values: dict[str, Any]) -> Examination:

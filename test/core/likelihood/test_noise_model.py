@@ -11,7 +11,7 @@ from support.scans import bump_scan, slides
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.material import Material
-from tactile_localizer.core.likelihood.noise_model import whiten
+from tactile_localizer.core.likelihood.noise_model import WhitenedScan, whiten
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
@@ -38,6 +38,13 @@ def cloth(repeats: int = 3, seed: int = 0, volts: float = 1.0) -> Scan:
     return slides(CLOTH, x, [volts * (waves + noise(rng, len(x))) for _ in range(repeats)])
 
 
+def as_cloth(scan: Scan, scene: Scene = CLOTH) -> WhitenedScan:
+    """Whitened as a scan whose level wanders."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Material, "of", lambda *_: Material(0.0))
+        return whiten(scan, scene)
+
+
 @pytest.mark.parametrize(("made", "scene"), [(bump_scan(SHEET, offsets=1.0), SHEET), (cloth(), CLOTH)])
 def test_a_large_constant_in_a_channel_changes_nothing(made: Scan, scene: Scene) -> None:
     constant = np.full(8, 3e9)  # of noise 1
@@ -48,7 +55,7 @@ def test_a_large_constant_in_a_channel_changes_nothing(made: Scan, scene: Scene)
 
 
 def test_whitened_residuals_have_unit_covariance() -> None:
-    estimate = whiten(cloth(4), CLOTH)
+    estimate = as_cloth(cloth(4))
     assert estimate.held_out is not None
     expected = estimate.held_out.interpolation.expected(estimate.signal)
     residuals = (estimate.strain - expected.mean[:, 0]) / np.sqrt(1.0 + expected.noise)
@@ -61,12 +68,12 @@ def test_phalanges_are_whitened_separately_but_together_where_the_material_is_fe
     assert sheet.layout == SHEET.layout
     assert (sheet.whitening[:4, 4:] == 0.0).all()
     assert (sheet.whitening[4:, :4] == 0.0).all()
-    joint = whiten(cloth(), CLOTH).noise
+    joint = as_cloth(cloth()).noise
     assert joint.whitening[4:, :4].any()
 
 
 def test_a_sweep_is_whitened_anew_by_the_sum_of_the_covariances() -> None:
-    model, excess = whiten(cloth(), CLOTH).noise, np.array([0.0, 2.0, 0.0, 0.0, 50.0, 0.0, 1e9, 0.1])
+    model, excess = as_cloth(cloth()).noise, np.array([0.0, 2.0, 0.0, 0.0, 50.0, 0.0, 1e9, 0.1])
     usual = np.linalg.inv(model.whitening)
     np.testing.assert_allclose(model.variance, np.diag(usual @ usual.T))
     whitening = model.rewhitening(excess) @ model.whitening
@@ -75,14 +82,14 @@ def test_a_sweep_is_whitened_anew_by_the_sum_of_the_covariances() -> None:
 
 
 def test_the_volume_is_the_determinant_of_the_whitening() -> None:
-    model = whiten(cloth(), CLOTH).noise
+    model = as_cloth(cloth()).noise
     assert model.log_volume.sum() == pytest.approx(np.linalg.slogdet(model.whitening)[1])
 
 
 @settings(max_examples=8)
 @given(st.sampled_from([1e-9, 1e-3, 1e9]), st.integers(0, 3))
 def test_whitened_strains_do_not_depend_on_the_unit(volts: float, seed: int) -> None:
-    one, other = (whiten(cloth(2, seed, unit), CLOTH) for unit in (1.0, volts))
+    one, other = (as_cloth(cloth(2, seed, unit)) for unit in (1.0, volts))
     np.testing.assert_allclose(other.signal, one.signal, atol=1e-5)
     np.testing.assert_allclose(other.noise.log_volume, one.noise.log_volume - 4 * np.log(volts), atol=1e-5)
 
@@ -93,7 +100,7 @@ def test_of_a_noisy_map_that_part_is_expected_which_is_reproduced(sigma: float) 
     rng, x = np.random.default_rng(0), np.arange(0.0, LENGTH, 0.0005)
     waves = 6.0 * np.sin(x[:, None] * np.linspace(300.0, 900.0, 8) + np.arange(8.0))
     noises = [sigma * rng.standard_normal(waves.shape) for _ in range(3)]
-    estimate = whiten(slides(CLOTH, x, [waves + each for each in noises]), CLOTH)
+    estimate = as_cloth(slides(CLOTH, x, [waves + each for each in noises]))
     memory, pitch = estimate.material.memory, 0.0005
     signal, noise = (
         np.mean(innovations(each, memory, np.inf, pitch)[20:] ** 2) for each in (waves, noises[0])
@@ -108,7 +115,7 @@ def test_one_absurd_strain_of_a_scan_does_not_shrink_its_map(channels: slice, vo
     plain = cloth()
     strain = plain.strain.copy()
     strain[150, channels] = volts
-    estimates = [whiten(replace(plain, strain=each), CLOTH) for each in (plain.strain, strain)]
+    estimates = [as_cloth(replace(plain, strain=each)) for each in (plain.strain, strain)]
     kept = [np.median(each.signal[:, 0] / each.strain[:, 0]) for each in estimates]
     assert kept[1] == pytest.approx(kept[0], abs=0.05)
 
@@ -123,7 +130,7 @@ def test_featureless_places_are_exactly_equal() -> None:
 
 
 def test_where_the_material_is_felt_everywhere_an_offset_cannot_be_told_from_a_place() -> None:
-    estimate = whiten(cloth(), CLOTH)
+    estimate = as_cloth(cloth())
     assert estimate.material.sheet == 0.0
     assert not estimate.offsets.any()
     assert np.isinf(estimate.noise.offset_variance).all()
@@ -134,7 +141,7 @@ def test_on_cloth_featureless_strain_does_not_turn_with_yaw() -> None:
     turned = Scene("cloth", (*CLOTH.axes, Axis("yaw", -0.1, 0.1)), fingers)
     made, yaw = cloth(), np.array([-0.1, 0.0, 0.1])
     scan = replace(made, states=np.column_stack([made.states, yaw[made.sweep]]), axes=("x", "yaw"))
-    estimate = whiten(replace(scan, strain=made.strain + 50.0 * yaw[made.sweep, None]), turned)
+    estimate = as_cloth(replace(scan, strain=made.strain + 50.0 * yaw[made.sweep, None]), turned)
     assert estimate.material.sheet == 0.0
     assert not estimate.noise.turning.any()
 
@@ -154,32 +161,34 @@ def test_strains_outside_the_region_are_zero() -> None:
 
 
 @pytest.mark.parametrize("times", [1.0, 30.0])
-def test_the_kind_of_a_material_does_not_depend_on_how_noisy_the_sensor_is(times: float) -> None:
-    sheet, rng = bump_scan(SHEET), np.random.default_rng(9)
-    for scan, scene, kind in ((cloth(), CLOTH, 0.0), (sheet, SHEET, 1.0)):
-        width = np.std(np.diff(scan.strain[:50], n=2, axis=0), axis=0) / np.sqrt(6.0)
-        more = times * width * rng.standard_normal(scan.strain.shape)
-        assert whiten(replace(scan, strain=scan.strain + more), scene).material.sheet == kind
+def test_a_noisy_sensor_does_not_make_a_level_wander(times: float) -> None:
+    scan, rng = bump_scan(SHEET), np.random.default_rng(9)
+    width = np.std(np.diff(scan.strain[:50], n=2, axis=0), axis=0) / np.sqrt(6.0)
+    more = times * width * rng.standard_normal(scan.strain.shape)
+    assert whiten(replace(scan, strain=scan.strain + more), SHEET).material.sheet == 1.0
 
 
-def test_memory_and_information_length_change_gradually_from_cloth_to_sheet() -> None:
-    """The strain of a feature is larger than that of the texture around it by each factor."""
-    scan, found = cloth(), []
-    for times in (1.0, 2.0, 2.3, 2.6, 3.0, 10.0):
-        strain = scan.strain * np.where(np.abs(scan.states - 0.1) < 0.02, times, 1.0)
-        found.append(whiten(replace(scan, strain=strain), CLOTH).material)
-    assert (found[0].sheet, found[-1].sheet) == (0.0, 1.0)
-    assert (found[0].memory, found[-1].memory) == (0.01, np.inf)
-    assert (found[0].session_ratio, found[-1].session_ratio) == (np.inf, 4.0)
-    lengths = [each.information_length for each in found]
-    assert lengths == sorted(set(lengths), reverse=True)
+def test_a_level_that_wanders_is_found_from_held_out_sweeps_whatever_is_felt() -> None:
+    """The more it wanders, the less of a sheet: its level is then remembered over a short travel alone."""
+    rng, x, found = np.random.default_rng(3), np.arange(0.0, LENGTH, 0.0005), []
+    bump = 30.0 * np.exp(-0.5 * ((x[:, None] - 0.1) / 0.004) ** 2)
+    walks = [np.cumsum(rng.standard_normal((len(x), 8)), axis=0) for _ in range(3)]
+    noises = [rng.standard_normal((len(x), 8)) for _ in walks]
+    for volts in (0.0, 0.03, 0.1, 0.3):
+        felt = [bump + noise + volts * walk for noise, walk in zip(noises, walks, strict=True)]
+        found.append(whiten(slides(CLOTH, x, felt), CLOTH).material)
+    assert (found[0].sheet, found[-1].sheet) == (1.0, 0.0)
+    assert (found[0].memory, found[-1].memory) == (np.inf, 0.01)
+    assert (found[0].session_ratio, found[-1].session_ratio) == (4.0, np.inf)
+    sheets = [each.sheet for each in found]
+    assert sheets == sorted(sheets, reverse=True)
 
 
 @pytest.mark.parametrize("sheet", [0.01, 0.3, 0.5, 0.999])
 def test_nothing_switches_between_cloth_and_sheet(sheet: float, monkeypatch: pytest.MonkeyPatch) -> None:
     scan, found = bump_scan(SHEET, offsets=5.0), []
     for value in (sheet, sheet + 1e-5):
-        monkeypatch.setattr(Material, "of", lambda _ratio, value=value: Material(value))
+        monkeypatch.setattr(Material, "of", lambda *_, value=value: Material(value))
         learned = learn_sweep_model(scan, SHEET)
         mixture = learned.mixture(SHEET, learned.cell(SHEET, 1.0))
         model, tables = learned.scan, mixture.map
@@ -192,6 +201,6 @@ def test_a_touch_down_that_differs_between_sweeps_does_not_inflate_the_noise() -
     scan = cloth()
     start = scan.states[:, 0] < 0.01
     spoiled = scan.strain + np.where(start, 50.0, 0.0)[:, None] * (1.0 + scan.sweep[:, None])
-    rough = whiten(replace(scan, strain=spoiled), CLOTH).noise
-    plain = whiten(scan, CLOTH).noise
+    rough = as_cloth(replace(scan, strain=spoiled)).noise
+    plain = as_cloth(scan).noise
     np.testing.assert_allclose(rough.log_volume, plain.log_volume, atol=1.0)

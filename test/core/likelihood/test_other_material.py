@@ -7,8 +7,12 @@ from scipy.integrate import quad
 from scipy.special import gammaln
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.likelihood.noise_model import ENERGY_LENGTH
-from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH, OtherMaterial, variance_factor
+from tactile_localizer.core.likelihood.other_material import (
+    ENERGY_LENGTH,
+    PATCH_LENGTH,
+    OtherMaterial,
+    variance_factor,
+)
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
 from tactile_localizer.core.likelihood.student_t import log_density
 

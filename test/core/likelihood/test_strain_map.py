@@ -104,12 +104,6 @@ def test_on_cloth_the_noise_of_a_visit_explains_what_differs_with_the_signal() -
     assert sheet.gain > 0.1
 
 
-def test_the_correlation_length_is_recovered() -> None:
-    white, slow = (fit_variance(whiten(repeats(length), LINE)).summed_correlation for length in (1e-9, 0.003))
-    assert white == pytest.approx(PITCH, rel=0.2)
-    assert slow == pytest.approx(2.0 * 0.003, rel=0.4)
-
-
 def test_a_single_sweep_has_the_default_variance() -> None:
     scan = repeats(1e-9)
     assert fit_variance(whiten(scan.select(scan.sweep == 0), LINE)) == VarianceModel()

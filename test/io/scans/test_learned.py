@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.sweeps import write_scan
 
-from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.io.scans import learned as module

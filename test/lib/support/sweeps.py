@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.calibration.held_out import Calibration
+from tactile_localizer.core.calibration.calibration import Calibration
+from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.io.recording import RecordedSweep, Recording
@@ -24,7 +25,8 @@ MEASUREMENT = {"position_std": [0.0012, 0.0015], "strain_std": 0.04, "correlatio
 """Kernel widths, so that tests of kernel models do not wait for their choice."""
 CALIBRATION = Calibration(
     np.array([0.0004, 0.0004]),
-    VarianceModel(visit=0.21, signal=0.036, interpolation=0.18, summed_correlation=0.005),
+    VarianceModel(visit=0.21, signal=0.036, interpolation=0.18),
+    Examination(information_length=0.0017),
 )
 """Calibration stored in the scans of the shipped scenes, so that tests do not wait for it."""
 
