@@ -15,6 +15,7 @@ from tactile_localizer.cli.recordings import (
     bag_options,
     naming_from_arguments,
 )
+from tactile_localizer.cli.scan import examined
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError, SceneError, printable
@@ -25,6 +26,7 @@ from tactile_localizer.io.recording import Recording, join, scan_of, with_detect
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.offline.examination import describe_examination, examination_findings
 from tactile_localizer.offline.scan_quality import findings
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
@@ -103,7 +105,10 @@ def run(args: argparse.Namespace) -> int:
     made = ScanFolder(args.output).recording()
     print(f"{args.output}: {len(made.sweeps)} sweeps, {len(made)} pairs")
     for note in (*notes, *findings(scan_of(made, scene), scene, made.sweeps)):
-        print(f"  {printable(note)}")
+        print(f"  {printable(note)}", flush=True)
+    examination = examined(args.output, scene)
+    for line in (*describe_examination(scene, examination), *examination_findings(scene, examination)):
+        print(f"  {printable(line)}")
     return 0
 
 

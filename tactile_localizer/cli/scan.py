@@ -8,11 +8,27 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import require_picture, require_report, write_picture, write_report
+from tactile_localizer.cli.outputs import (
+    require_picture,
+    require_report,
+    require_writable,
+    write_picture,
+    write_report,
+)
+from tactile_localizer.cli.progress import progress_line
+from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.errors import printable
 from tactile_localizer.io.recording import scan_of
 from tactile_localizer.io.scans.folder import DROPPED, ScanFolder
+from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.offline.examination import (
+    describe_examination,
+    examination_document,
+    examination_findings,
+)
+from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.scan_quality import findings
+from tactile_localizer.scene import Scene
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     info = actions.add_parser("info", help="totals, history, and findings that need attention")
     info.set_defaults(work=_info)
     info.add_argument("--report", type=Path, metavar="FILE", help="write a report to send (one HTML file)")
+    info.add_argument("--json", type=Path, metavar="FILE", help="write the examination and the findings")
     plot = actions.add_parser("plot", help="draw the sweeps and the tactile map")
     plot.set_defaults(work=_plot)
     text = "folder (default out/plot)"
@@ -38,10 +55,16 @@ def run(args: argparse.Namespace) -> int:
 def _info(args: argparse.Namespace) -> int:
     if args.report is not None:
         require_report(args.report, args)
+    if args.json is not None:
+        require_writable(args.json, args)
     folder = ScanFolder(args.scan)
     scene, recording = folder.scene, folder.recording()
     sweeps = recording.sweeps
-    found = findings(scan_of(recording, scene), scene, sweeps) if len(recording) else ["no pairs"]
+    found, examination = ["no pairs"], Examination()
+    if len(recording):
+        found = findings(scan_of(recording, scene), scene, sweeps)
+        examination = examined(args.scan, scene)
+        found += examination_findings(scene, examination)
     dropped = len(folder.files(DROPPED)[0])
     axes = ", ".join(f"{axis.name} {axis.lower:g} to {axis.upper:g}" for axis in scene.axes)
     phalanges = ", ".join(f"{each.name} ({each.channels} channels)" for each in scene.phalanges)
@@ -56,14 +79,24 @@ def _info(args: argparse.Namespace) -> int:
     for entry in folder.history():
         details = [f"{key} {value}" for key, value in entry.items() if value and key not in ("at", "what")]
         lines.append(f"  history    {entry['at']} {entry['what']}: {', '.join(details)}")
+    lines += [f"  examined   {line}" for line in describe_examination(scene, examination)]
     lines, found = [*map(printable, lines)], [*map(printable, (*recording.notes, *found))]
     print(*lines, "findings:" if found else "no findings", *(f"  {each}" for each in found), sep="\n")
+    if args.json is not None:
+        write_json(args.json, {"examination": examination_document(examination), "findings": found})
+        print(args.json)
     if args.report is not None:
         from tactile_localizer.offline.reports.scan import scan_report
 
         report = args.scan, scan_of(recording, scene), scene, recording, lines, found
         write_report(args.report, lambda: scan_report(*report))
     return 0
+
+
+def examined(path: str | Path, scene: Scene) -> Examination:
+    """The examination of a scan, kept in its folder or made now, with progress."""
+    with progress_line() as progress:
+        return learned_calibration(path, ScanFolder(path).load(), scene, progress).examination
 
 
 def _picture(folder: Path, name: str) -> Path:

@@ -10,13 +10,13 @@ import numpy as np
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import UNEXAMINED, examine
 from tactile_localizer.core.calibration.held_out import registration_errors, registration_std, surroundings
-from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.filters.particle import ParticleFilter
 from tactile_localizer.core.geometry.anchors import Anchors
+from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
@@ -30,7 +30,8 @@ from tactile_localizer.scene import Scene
 Progress = Callable[[str, float], None]
 
 _EXAMINED = Configuration(cell=2.0 * Configuration().cell)
-"""Configuration of the localizers that examine a scan: cells of twice the size give the same scores sooner."""
+"""Configuration of the localizers that examine a scan: cells of twice the size give the same scores
+sooner."""
 
 
 def build_localizer(
@@ -81,7 +82,7 @@ def _assembled(
     quiet_energy: np.ndarray | None = None,
     position_model: tuple[MeasurementModel, float] | None = None,
 ) -> Localizer:
-    """A localizer with what was learned; ``quiet_energy`` (F,): of the whole scan, if that is a part of one."""
+    """A localizer with what was learned; ``quiet_energy`` (F,) is of the whole scan, if that is a part."""
     cell = learned.cell(scene, configuration.cell)
     mixture = learned.mixture(scene, cell)
     length = calibration.examination.information_length

@@ -377,7 +377,7 @@ class Localizer:
         )
 
     def _working(self, present: np.ndarray) -> np.ndarray:
-        """Channels (C,) bool of the phalanges ``present`` (F,) that are not stuck; all, where none is left."""
+        """Channels (C,) of the phalanges ``present`` (F,) that are not stuck; all, where none is left."""
         channels = self.scene.layout.expand(present)
         working = channels & ~self._gauges.stuck
         return working if working.any() else channels

@@ -17,8 +17,8 @@ _MAX_TRAVEL_M = 0.01
 """m of travel at a shorter period, over several samples, that is refused."""
 _MIN_SAMPLES = 3
 _STUCK = 0.002
-"""m of travel over which a gauge that repeats its strain to the last bit, while another changes, is stuck: a gauge
-that works has noise. Longer where it did so in the scan, as a coarse one does."""
+"""m of travel over which a gauge that repeats its strain to the last bit, while another changes, is stuck: a
+gauge that works has noise. Longer where it did so in the scan, as a coarse one does."""
 
 
 class StampUnit:
@@ -88,7 +88,7 @@ class StuckGauges:
 
 
 def still_travel(scan: Scan, scene: Scene) -> np.ndarray:
-    """Longest travel (C,), m, over which each channel of a scan repeats its strain; infinite if it never changes."""
+    """Longest travel (C,), m, over which a channel of a scan repeats its strain; infinite: all along."""
     motion, positions, strain = MotionModel(scene), scan.positions_on(scene), scan.strain_on(scene)
     longest = np.zeros(strain.shape[1])
     for number in scan.sweep_numbers:

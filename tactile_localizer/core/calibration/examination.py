@@ -1,13 +1,14 @@
 """Examination of a scan: its own sweeps, held out and localized on the map without them.
 
-All strains of a sweep share errors of the map, so a strain is worth less than an independent measurement, and how
-much less depends on the material, the sensor and the scan. The *information length*, the travel per independent
-measurement, is that with the best log score: the mean logarithm of the probability that is given to the truth, a
-proper scoring rule (Gneiting and Raftery, 2007). So the learning rate of a generalized posterior (Bissiri, Holmes and
-Walker, 2016) is learned.
+All strains of a sweep share errors of the map, so a strain is worth less than an independent measurement, and
+how much less depends on the material, the sensor and the scan. The *information length*, the travel per
+independent measurement, is that with the best log score: the mean logarithm of the probability that is given
+to the truth, a proper scoring rule (Gneiting and Raftery, 2007). So the learning rate of a generalized
+posterior (Bissiri, Holmes and Walker, 2016) is learned.
 
-Half of the score is that of sweeps on the map. The other half is that of parts of sweeps on a map of which their
-surroundings are left out: other material of the same kind, where the truth is that the hand is not on the map.
+Half of the score is that of sweeps on the map. The other half is that of parts of sweeps on a map of which
+their surroundings are left out: other material of the same kind, where the truth is that the hand is not on
+the map.
 """
 
 from __future__ import annotations
@@ -59,9 +60,10 @@ class Outcome:
     sweep : its number in the scan
     on_map : whether its surroundings are on the map
     score : mean logarithm of the probability given to the truth
-    right, wrong, converged : whether it was converged and right at its end; ever converged and wrong; ever converged
+    right, wrong, converged : converged and right at its end; ever converged and wrong; ever converged
     error : (d,) distance of the last estimate from the truth along each axis, m (yaw: rad)
     spread : (d,) least standard deviation of an estimate along each axis, m (yaw: rad)
+    axes : (d,) score along each axis alone, over the second half of the way; empty if not on the map
     """
 
     sweep: int
@@ -72,6 +74,7 @@ class Outcome:
     converged: bool
     error: tuple[float, ...]
     spread: tuple[float, ...]
+    axes: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -82,12 +85,14 @@ class Examination:
     ----------
     information_length : travel per independent measurement, m
     ignorance : score of a uniform belief on the map
+    ignorance_axes : (d,) the same along each axis alone
     outcomes : of the sweeps, at that length
     scores : of the lengths that were tried, m: on the map, and on other material
     """
 
     information_length: float = UNEXAMINED
     ignorance: float = 0.0
+    ignorance_axes: tuple[float, ...] = ()
     outcomes: tuple[Outcome, ...] = ()
     scores: tuple[tuple[float, float, float], ...] = ()
 
@@ -107,6 +112,15 @@ class Examination:
         return _mean([each.score for each in self.on_map]) if self.on_map else self.ignorance
 
     @property
+    def observed(self) -> np.ndarray:
+        """Part (d,) of what there is to know along each axis that the sweeps know on their second half.
+
+        One where the position is sure and right, zero where it is as good as ignorance; less: worse.
+        """
+        score = np.mean([each.axes for each in self.on_map], axis=0)
+        return np.asarray(1.0 - score / np.minimum(self.ignorance_axes, -1e-9))
+
+    @property
     def error(self) -> np.ndarray:
         """Mean error (d,) along each axis of the sweeps that are right, m (yaw: rad); empty where none is."""
         right = [each.error for each in self.on_map if each.right]
@@ -119,7 +133,7 @@ class Examination:
 
 
 class _Trial(NamedTuple):
-    """A part of a held-out sweep: n positions (n, d) and strains (n, C), and a localizer on a map without it."""
+    """A part of a held-out sweep, n positions (n, d) and strains (n, C), and a localizer without it."""
 
     sweep: int
     on_map: bool
@@ -157,11 +171,12 @@ def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | No
         while 0 <= best + step < len(LENGTHS) and score(best + step) > score(best):
             best += step
     scores = tuple((LENGTHS[choice], *_scores(tried[choice])) for choice in sorted(tried))
-    return Examination(LENGTHS[best], _ignorance(scene, trials[0].localizer), tuple(tried[best]), scores)
+    radius = trials[0].localizer.criteria.radius
+    return Examination(LENGTHS[best], *_ignorance(scene, radius), tuple(tried[best]), scores)
 
 
 def _trials(scan: Scan, model: SweepModel, build: Build) -> Iterator[_Trial]:
-    """Sweeps from their start and from further on, each on the map without it; and halves on the map of the other one."""
+    """Sweeps from their start and from further on, each on the map without it; halves off the map."""
     tracks, rng = model.scan.tracks, np.random.default_rng(0)
     scene, count = tracks.scene, len(tracks)
     positions, strain = scan.positions_on(scene), scan.strain_on(scene)
@@ -210,7 +225,9 @@ def _localize(trial: _Trial, information_length: float) -> Outcome:
     rng = np.random.default_rng(trial.sweep)
     steps = rng.standard_normal(positions.shape) * scene.motion_std
     odometry = positions + np.cumsum(steps * np.sqrt(_travels(positions, scene))[:, None], axis=0)
-    score, spread, updates = [], np.full(scene.dimension, np.inf), 0
+    score: list[float] = []
+    along: list[np.ndarray] = []
+    spread, updates = np.full(scene.dimension, np.inf), 0
     right = wrong = converged = False
     away = np.zeros(scene.dimension)
     for row, (place, strain) in enumerate(zip(odometry, trial.strain, strict=True)):
@@ -223,6 +240,13 @@ def _localize(trial: _Trial, information_length: float) -> Outcome:
         if estimate.updated and updates % _EACH == 0:
             score.append(math.log(max(_probability(trial, positions[row]), _LEAST_PROBABILITY)))
             spread = np.minimum(spread, np.sqrt(estimate.covariance.diagonal()))
+            if trial.on_map and 2 * row >= len(positions):
+                along.append(_along_axes(localizer, positions[row]))
+    axes = (
+        np.mean(along, axis=0)
+        if along
+        else np.log(np.full(scene.dimension * trial.on_map, _LEAST_PROBABILITY))
+    )
     return Outcome(
         trial.sweep,
         trial.on_map,
@@ -232,6 +256,7 @@ def _localize(trial: _Trial, information_length: float) -> Outcome:
         bool(converged),
         tuple(np.abs(away).tolist()),
         tuple(np.minimum(spread, scene.extent).tolist()),
+        tuple(axes.tolist()),
     )
 
 
@@ -246,6 +271,14 @@ def _probability(trial: _Trial, truth: np.ndarray) -> float:
     return localizer.explanations.tracked * probability_within(away, weights, radius, variance)
 
 
+def _along_axes(localizer: Localizer, truth: np.ndarray) -> np.ndarray:
+    """Logarithms (d,) of the belief within the radius of the truth along each axis alone."""
+    states, weights = localizer.hypotheses()
+    away = MotionModel(localizer.scene).displacement(truth, states)
+    near = weights @ (np.abs(away) <= localizer.criteria.radius)
+    return np.asarray(np.log(np.maximum(near, _LEAST_PROBABILITY)))
+
+
 def _scores(outcomes: Sequence[Outcome]) -> tuple[float, float]:
     """Mean score on the map, and on other material."""
     by_truth = ([each.score for each in outcomes if each.on_map is on_map] for on_map in (True, False))
@@ -257,8 +290,9 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else 0.0
 
 
-def _ignorance(scene: Scene, localizer: Localizer) -> float:
-    """Logarithm of the fraction of the scene that lies within the convergence radius of a place."""
-    axes, radius = scene.dimension, localizer.criteria.radius
+def _ignorance(scene: Scene, radius: np.ndarray) -> tuple[float, tuple[float, ...]]:
+    """Logarithms of the fractions of the scene within the ``radius`` (d,) of a place, and of each axis."""
+    axes, fraction = scene.dimension, radius / scene.extent
     ball = math.pi ** (0.5 * axes) / math.gamma(0.5 * axes + 1.0)
-    return min(math.log(ball) + float(np.log(radius / scene.extent).sum()), 0.0)
+    whole = min(math.log(ball) + float(np.log(fraction).sum()), 0.0)
+    return whole, tuple(np.minimum(np.log(2.0 * fraction), 0.0).tolist())

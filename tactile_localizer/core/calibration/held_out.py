@@ -39,7 +39,7 @@ _ITERATIONS = 50
 
 
 def registration_errors(model: SweepModel, information_length: float) -> np.ndarray:
-    """Standard deviation (d,), m (yaw: rad), of the shifts of sweeps that are registered to those of the other lines.
+    """Standard deviation (d,), m (yaw: rad), of the shifts of sweeps against those of the other lines.
 
     ``information_length`` is the travel per independent measurement, m.
     """

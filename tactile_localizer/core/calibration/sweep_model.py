@@ -46,7 +46,7 @@ class SweepModel(NamedTuple):
         return SweepMixture(noise, table, drift, self._other(scene, table, visit), material)
 
     def part(self, points: np.ndarray) -> SweepModel:
-        """The model of those ``points`` (n,) bool of the scan's tracks, with the noise and variance of all of them."""
+        """The model of some ``points`` (n,) bool of the scan's tracks, with noise and variance of all."""
         scan = self.scan
         tracks, of = scan.tracks.part(points)
         kept = {name: getattr(scan, name)[points] for name in ("strain", "signal")}

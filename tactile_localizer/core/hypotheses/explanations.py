@@ -11,8 +11,8 @@ from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH
 from tactile_localizer.core.likelihood.weights import normalize
 
 LEAVING_RATE = 1.0 / PATCH_LENGTH
-"""Rate at which the hand comes upon other material, per metre of travel: as before the first strain, the material is
-the scanned one as probably as not. By judgement."""
+"""Rate at which the hand comes upon other material, per metre of travel: as before the first strain, the
+material is the scanned one as probably as not. By judgement."""
 RELOCATION_RATE = 1.0
 """Rate at which a hand is placed anywhere on the map, from on it or from elsewhere, per metre of travel. By
 judgement."""

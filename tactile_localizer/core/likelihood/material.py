@@ -12,8 +12,9 @@ from tactile_localizer.core.likelihood.drift import innovations
 _SHEET, _CLOTH = 0.1, 0.3
 """Texture ratios up to which a material is a sheet, and from which it is cloth. By judgement."""
 _WANDERS = 10.0
-"""Evidence from which a level is taken to wander, nats; with less, the more there is the less of a sheet it is. By
-judgement: on eleven scans of sheets it is negative, on fabrics and a BioTac 9 to 200."""
+"""Evidence from which a level is taken to wander, nats; with less, the more there is the less of a sheet it
+is. By judgement: on ten scans of sheets it is negative, on two of taxels 7 and 38, on fabrics and a
+BioTac 9 to 200."""
 _SESSION_RATIO = 4.0
 """Variance ratio of sheets: another session, with another force, differs twice as much. By judgement."""
 CLOTH_MEMORY = 0.01
@@ -25,8 +26,8 @@ class Material(NamedTuple):
 
     Parameters
     ----------
-    sheet : from 0, the level of a sweep wanders, as on cloth under a finger, to 1, it is constant and defined by
-        the strain of featureless places, as on a sheet with features
+    sheet : from 0, the level of a sweep wanders, as on cloth under a finger, to 1, it is constant and defined
+        by the strain of featureless places, as on a sheet with features
     """
 
     sheet: float
@@ -39,8 +40,8 @@ class Material(NamedTuple):
         ----------
         texture_ratio : median of the signal's energy over all places, divided by its 0.9 quantile; nearly
             zero on a sheet with few features
-        wander : log-likelihood of the scan's residuals if the level of a sweep wanders, less that if it is constant,
-            nats
+        wander : log-likelihood of the scan's residuals if the level of a sweep wanders, less that if it is
+            constant, nats
         """
         featureless, kept = (_CLOTH - texture_ratio) / (_CLOTH - _SHEET), 1.0 - wander / _WANDERS
         return cls(min(max(min(featureless, kept), 0.0), 1.0))

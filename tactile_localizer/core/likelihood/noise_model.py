@@ -182,8 +182,8 @@ def _texture_ratio(scan: WhitenedScan, held_out: HeldOut) -> float:
 def _wander(scan: WhitenedScan, held_out: HeldOut) -> float:
     """Log-likelihood of held-out residuals under a level that wanders, less that under a constant one, nats.
 
-    It is predictive: of each residual given those before it. Strains nearer than :data:`_INDEPENDENT` count in part,
-    and so do those at places where the map itself is uncertain.
+    It is predictive: of each residual given those before it. Strains nearer than :data:`_INDEPENDENT` count
+    in part, and so do those at places where the map itself is uncertain.
     """
     layout, pitch = scan.noise.layout, scan.tracks.pitch
     expected = held_out.interpolation.best(1).expected(scan.signal)

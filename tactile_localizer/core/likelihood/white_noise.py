@@ -25,7 +25,7 @@ _MEMORY = 50
 _SIGNIFICANT = 2.0
 """Standard errors by which the noise of a sweep has to exceed the scan's. By judgement."""
 _SPIKE = 10.0
-"""Standard deviations of a second difference from which a strain is a spike: far more than at an edge. By judgement."""
+"""Standard deviations of a second difference from which a strain is a spike. By judgement."""
 _MOST = 20_000
 """Differences from which the noise of a scan is measured."""
 
@@ -109,8 +109,8 @@ class SweepNoise:
     def observe(self, strain: np.ndarray, present: np.ndarray, travel: float) -> np.ndarray:
         """Take in a strain (C,), V, ``travel`` metres after the last one; ``present`` (C,) bool.
 
-        Returns the strain, in which spikes are replaced by what the two strains before them predict. A spike is a
-        single value that is off by :data:`_SPIKE` standard deviations; the next one is taken as it is.
+        Returns the strain, in which spikes are replaced by what the two strains before them predict. A spike
+        is a single value that is off by :data:`_SPIKE` standard deviations; the next one is taken as it is.
         """
         if self._present != present.tobytes():  # compared faster than arrays
             self._present, self._last, self._step = present.tobytes(), None, None

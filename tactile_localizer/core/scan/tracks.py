@@ -53,7 +53,7 @@ class Tracks:
         return cls(scene, joined[:, :split] / levers(scene), joined[:, split:], np.array([*map(len, means)]))
 
     def part(self, points: np.ndarray) -> tuple[Tracks, np.ndarray]:
-        """Tracks of some of the ``points`` (n,) bool, each of successive ones; and of which tracks they are parts."""
+        """Tracks of some ``points`` (n,) bool, each of successive ones; and of which they are parts."""
         kept = np.flatnonzero(points)
         begins = np.diff(kept, prepend=-2) > 1
         begins[1:] |= np.diff(self.number[kept]) > 0
@@ -82,7 +82,7 @@ class Tracks:
 
     @cached_property
     def pitch(self) -> float:
-        """Median distance between successive points of a track, m: more than :data:`PITCH` where strains are rare."""
+        """Median distance between successive points of a track, m, at least :data:`PITCH`."""
         steps = np.diff(self.positions * levers(self.scene), axis=0)
         steps = steps[np.diff(self.number) == 0]
         return max(float(np.median(np.linalg.norm(steps, axis=1))), PITCH) if len(steps) else PITCH

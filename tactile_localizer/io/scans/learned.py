@@ -91,8 +91,9 @@ def _content(digest: str, calibration: Calibration) -> dict[str, Any]:
 def _examination(values: dict[str, Any]) -> Examination:
     """The examination of a scan from its JSON."""
     outcomes = (
-        Outcome(**each | {"error": tuple(each["error"]), "spread": tuple(each["spread"])})
+        Outcome(**each | {name: tuple(each[name]) for name in ("error", "spread", "axes")})
         for each in values["outcomes"]
     )
     scores = tuple(tuple(each) for each in values["scores"])
-    return Examination(values["information_length"], values["ignorance"], tuple(outcomes), scores)
+    axes = tuple(values["ignorance_axes"])
+    return Examination(values["information_length"], values["ignorance"], axes, tuple(outcomes), scores)
