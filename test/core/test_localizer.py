@@ -162,7 +162,7 @@ def test_a_hand_put_down_elsewhere_is_soon_converged_there_and_not_before(locali
     *_, (end, estimate) = slide(localizer)
     assert estimate.converged
     start, back, tracked = np.array([0.046, 0.012]), (-0.0006, 0.0001), []
-    for truth, estimate in slide(localizer, start, 72, back, 10**9, end - start + ANYWHERE):
+    for truth, estimate in slide(localizer, start, 60, back, 10**9, end - start + ANYWHERE):
         tracked.append(localizer.explanations.tracked)
         assert estimate.probability <= tracked[-1] + 1e-6
         error = np.linalg.norm(estimate.mean - truth)

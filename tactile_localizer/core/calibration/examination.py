@@ -143,7 +143,9 @@ class _Trial(NamedTuple):
 
 
 def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | None = None) -> Examination:
-    """Choose the information length by held-out sweeps.
+    """Choose the information length with the best score of held-out sweeps.
+
+    Where the standard error leaves a choice, the fewest false claims decide.
 
     Parameters
     ----------
@@ -170,6 +172,8 @@ def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | No
     for step in (-1, 1):
         while 0 <= best + step < len(LENGTHS) and score(best + step) > score(best):
             best += step
+    doubt = [choice for choice in tried if _as_good(tried[choice], tried[best])]
+    best = min(doubt, key=lambda choice: (_false_claims(tried[choice]), -score(choice)))
     scores = tuple((LENGTHS[choice], *_scores(tried[choice])) for choice in sorted(tried))
     radius = trials[0].localizer.criteria.radius
     return Examination(LENGTHS[best], *_ignorance(scene, radius), tuple(tried[best]), scores)
@@ -284,6 +288,21 @@ def _scores(outcomes: Sequence[Outcome]) -> tuple[float, float]:
     by_truth = ([each.score for each in outcomes if each.on_map is on_map] for on_map in (True, False))
     on_map, off_map = (_mean(each) for each in by_truth)
     return on_map, off_map
+
+
+def _as_good(outcomes: Sequence[Outcome], best: Sequence[Outcome]) -> bool:
+    """Whether the best score exceeds that of other outcomes by at most its standard error over sweeps."""
+    sweeps = sorted({each.sweep for each in best})
+    lost = [
+        np.subtract(*(sum(_scores([one for one in each if one.sweep == sweep])) for each in (best, outcomes)))
+        for sweep in sweeps
+    ]
+    error = float(np.std(lost, ddof=1)) / math.sqrt(len(sweeps)) if len(sweeps) > 1 else 0.0
+    return sum(_scores(best)) - sum(_scores(outcomes)) <= error
+
+
+def _false_claims(outcomes: Sequence[Outcome]) -> int:
+    return sum(each.wrong for each in outcomes)
 
 
 def _mean(values: Sequence[float]) -> float:

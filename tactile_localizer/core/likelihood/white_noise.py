@@ -127,17 +127,18 @@ class SweepNoise:
         return kept
 
     def _without_spikes(self, strain: np.ndarray) -> np.ndarray:
-        if self._last is None or self._step is None:
-            self._kept_step = strain - self._last if self._last is not None else np.zeros_like(strain)
-            self._kept = strain
+        """The strain (C,) with what the two before it predict in place of spikes; a jump begins anew."""
+        if self._last is None:
+            self._kept, self._kept_step = strain, np.zeros_like(strain)
             return strain
         predicted = self._kept + self._kept_step
         off = np.square(strain - predicted) > _SPIKE**2 * 6.0 * self._variance
-        self._spiked = off & ~self._spiked
+        # After the first strain of all nothing is predicted yet.
+        self._spiked = off & ~self._spiked if self._step is not None else np.zeros_like(off)
         if self._spiked.any():
             self.spikes = self.spikes + self._spiked
             strain = np.where(self._spiked, predicted, strain)
-        self._kept, self._kept_step = strain, strain - self._kept
+        self._kept, self._kept_step = strain, np.where(off, 0.0, strain - self._kept)
         return strain
 
     def excess(self, pitch: float) -> np.ndarray:
