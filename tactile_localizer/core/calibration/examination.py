@@ -145,7 +145,7 @@ class _Trial(NamedTuple):
 def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | None = None) -> Examination:
     """Choose the information length with the best score of held-out sweeps.
 
-    Where the standard error leaves a choice, the fewest false claims decide.
+    Where its standard error leaves a choice, the fewest false claims decide, then the score on the map.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | No
         while 0 <= best + step < len(LENGTHS) and score(best + step) > score(best):
             best += step
     doubt = [choice for choice in tried if _as_good(tried[choice], tried[best])]
-    best = min(doubt, key=lambda choice: (_false_claims(tried[choice]), -score(choice)))
+    best = min(doubt, key=lambda choice: (_false_claims(tried[choice]), -_scores(tried[choice])[0]))
     scores = tuple((LENGTHS[choice], *_scores(tried[choice])) for choice in sorted(tried))
     radius = trials[0].localizer.criteria.radius
     return Examination(LENGTHS[best], *_ignorance(scene, radius), tuple(tried[best]), scores)
