@@ -101,7 +101,17 @@ def _replay(args: argparse.Namespace, output: TextIO) -> int:
     if args.report is not None:
         from tactile_localizer.offline.reports.replay import replay_report
 
-        report = document, args.scan, scan, scene, localizer, recording, sweeps, notes
+        report = (
+            document,
+            args.scan,
+            scan,
+            scene,
+            localizer,
+            recording,
+            sweeps,
+            notes,
+            calibration.examination,
+        )
         write_report(args.report, lambda: replay_report(*report))
     for line in notes:
         print(f"note: {line}")

@@ -88,7 +88,7 @@ def _info(args: argparse.Namespace) -> int:
     if args.report is not None:
         from tactile_localizer.offline.reports.scan import scan_report
 
-        report = args.scan, scan_of(recording, scene), scene, recording, lines, found
+        report = args.scan, scan_of(recording, scene), scene, recording, lines, found, examination
         write_report(args.report, lambda: scan_report(*report))
     return 0
 

@@ -17,6 +17,7 @@ from support.sweeps import scene_of
 
 from tactile_localizer import Configuration, Recording, __version__, load_scan, make_localizer
 from tactile_localizer.cli import main
+from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.offline.replay import replay
@@ -86,6 +87,7 @@ def test_a_replays_report_has_what_a_reader_looks_for(folder: Path) -> None:
     page = Page(folder / "replay.html")
     for text in (
         "test.csv on bump_scan",
+        "The examination of the scan",
         "Localized: 3 of 3 sweeps right, 0 ever wrong",
         "The map",
         "Error along the sweeps",
@@ -98,14 +100,22 @@ def test_a_replays_report_has_what_a_reader_looks_for(folder: Path) -> None:
     ):
         assert text in page.text
     assert page.source.count('<td class="outcome">right</td>') == 3
-    assert page.elements.count("svg") >= 7
+    assert page.elements.count("svg") == 10
 
 
 def test_a_scans_report_has_its_totals_map_and_findings(folder: Path) -> None:
     page = Page(folder / "scan.html")
-    for text in ("bump_scan", "No findings", "21", "channels on 2 phalanges", "The map", "import csv"):
+    for text in (
+        "bump_scan",
+        "No findings",
+        "21",
+        "channels on 2 phalanges",
+        "The map",
+        "import csv",
+        " ever wrong, ",
+    ):
         assert text in page.text
-    assert page.elements.count("svg") == 4
+    assert page.elements.count("svg") == 6
 
 
 @pytest.mark.slow
@@ -171,7 +181,17 @@ def test_without_a_truth_the_report_says_that_a_claim_may_be_wrong(folder: Path,
     document = replay_document(
         scene, configuration, recording, replayed, {}, verdict, odometry="recorded", seed=1
     )
-    arguments = document, "bump_scan", scan, scene, localizer, recording, replayed, ["a <note>"]
+    arguments = (
+        document,
+        "bump_scan",
+        scan,
+        scene,
+        localizer,
+        recording,
+        replayed,
+        ["a <note>"],
+        Examination(),
+    )
     (tmp_path / "report.html").write_text(replay_report(*arguments))
     page = Page(tmp_path / "report.html")
     assert "so a sweep that converged may be wrong" in page.text

@@ -8,8 +8,6 @@ import pytest
 from scipy.integrate import trapezoid
 from support.scans import SIDE, raster, scan, scene, strain_at
 
-from tactile_localizer.core.calibration.calibration import Calibration
-from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.likelihood.featureless import Featureless

@@ -293,10 +293,10 @@ def _scores(outcomes: Sequence[Outcome]) -> tuple[float, float]:
 def _as_good(outcomes: Sequence[Outcome], best: Sequence[Outcome]) -> bool:
     """Whether the best score exceeds that of other outcomes by at most its standard error over sweeps."""
     sweeps = sorted({each.sweep for each in best})
-    lost = [
-        np.subtract(*(sum(_scores([one for one in each if one.sweep == sweep])) for each in (best, outcomes)))
-        for sweep in sweeps
-    ]
+    lost = []
+    for sweep in sweeps:
+        own = [[one for one in each if one.sweep == sweep] for each in (best, outcomes)]
+        lost.append(sum(_scores(own[0])) - sum(_scores(own[1])))
     error = float(np.std(lost, ddof=1)) / math.sqrt(len(sweeps)) if len(sweeps) > 1 else 0.0
     return sum(_scores(best)) - sum(_scores(outcomes)) <= error
 

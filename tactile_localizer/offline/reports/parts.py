@@ -2,20 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import matplotlib as mpl
 
+from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import listed
 from tactile_localizer.io.recording import Recording
+from tactile_localizer.offline.examination import describe_examination
+from tactile_localizer.offline.figures.examination import held_out_figure, score_figure
 from tactile_localizer.offline.figures.svg import PAGE_STYLE
 from tactile_localizer.offline.figures.tactile_map import scan_figures, signal_figures
-from tactile_localizer.offline.reports.page import WIDTH_IN, Section, svg
+from tactile_localizer.offline.reports.page import WIDTH_IN, Section, sentence, svg
 from tactile_localizer.scene import Scene
 
 _MAP_COLUMNS = 3
 """Maps of channels beside each other."""
 _CHANNELS = 15
 """Most channels of a phalanx whose maps are shown."""
+
+
+def examination_sections(examination: Examination, scene: Scene, found: Sequence[str]) -> list[Section]:
+    """How the scan's own sweeps were localized on the map without them; none where none was held out.
+
+    Parameters
+    ----------
+    examination, scene : of the scan
+    found : findings about it, unless the reader has them already
+    """
+    if not examination.on_map:
+        return []
+    with mpl.rc_context(PAGE_STYLE):
+        errors = held_out_figure(examination, scene, (WIDTH_IN, 0.8 * WIDTH_IN))
+        scores = score_figure(examination, (WIDTH_IN, 0.8 * WIDTH_IN))
+    purpose = "Sweeps of the scan were left out of the map and localized on it, as an unseen one will be"
+    lines = [purpose, *describe_examination(scene, examination), *found]
+    figures = [
+        (svg(errors, "held_out"), "Error at the end of each held-out sweep."),
+        (svg(scores, "scores"), "Logarithm of the probability that the truth is given."),
+    ]
+    return [Section("The examination of the scan", [f"{sentence(line)}." for line in lines], figures)]
 
 
 def map_section(scan: Scan, scene: Scene, recording: Recording) -> Section:

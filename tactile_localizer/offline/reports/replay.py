@@ -10,6 +10,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
+from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.core.localizer import Localizer
@@ -18,6 +19,7 @@ from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.axes import MM, describe_sizes
+from tactile_localizer.offline.examination import examination_findings
 from tactile_localizer.offline.figures.belief import belief_figure, progress_figure
 from tactile_localizer.offline.figures.replay import paths_figure, replay_figure
 from tactile_localizer.offline.figures.svg import PAGE_STYLE
@@ -33,7 +35,7 @@ from tactile_localizer.offline.reports.page import (
     versions,
     yaml_text,
 )
-from tactile_localizer.offline.reports.parts import map_section
+from tactile_localizer.offline.reports.parts import examination_sections, map_section
 from tactile_localizer.offline.verdict import judge, relative_error, worst_sweep
 from tactile_localizer.scene import Scene
 
@@ -52,6 +54,7 @@ def replay_report(
     recording: Recording,
     sweeps: Sequence[ReplayedSweep],
     notes: Sequence[str],
+    examination: Examination,
 ) -> str:
     """The report of a replay, HTML.
 
@@ -63,6 +66,7 @@ def replay_report(
     localizer : that of the replay; it localizes the worst sweep again
     recording, sweeps : what was replayed, and the estimates
     notes : lines about the recording that need attention
+    examination : of the scan
     """
     verdict, configuration = document["verdict"], document["configuration"]
     radius = describe_sizes(scene, convergence_criteria(scene, configuration).radius)
@@ -70,6 +74,7 @@ def replay_report(
     if verdict["has_truth"]:
         explained = f"Right: converged at the end of contact or sweep, and never off by more than {radius}."
     sections = [
+        *examination_sections(examination, scene, examination_findings(scene, examination)),
         map_section(scan, scene, recording),
         _sweeps(scene, sweeps, configuration),
         *_worst_sweep(scene, sweeps, recording, localizer, configuration),

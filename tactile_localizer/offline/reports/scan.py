@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.reports.page import Section, file_names, html_page, versions, yaml_text
-from tactile_localizer.offline.reports.parts import map_section
+from tactile_localizer.offline.reports.parts import examination_sections, map_section
 from tactile_localizer.scene import Scene
 
 
@@ -19,6 +20,7 @@ def scan_report(
     recording: Recording,
     totals: Sequence[str],
     found: Sequence[str],
+    examination: Examination,
 ) -> str:
     """The report of a scan, HTML.
 
@@ -28,6 +30,7 @@ def scan_report(
     scan, scene, recording : its pairs, scene and sweeps
     totals : lines of ``scan info``
     found : findings that need attention
+    examination : of the scan
     """
     return html_page(
         kind="Scan of a material",
@@ -42,6 +45,7 @@ def scan_report(
             (str(scan.layout.size), f"channels on {len(scan.phalanges)} phalanges"),
         ],
         sections=[
+            *examination_sections(examination, scene, ()),
             map_section(scan, scene, recording),
             Section(
                 "Scan and versions",
