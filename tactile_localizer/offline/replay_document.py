@@ -23,12 +23,12 @@ from tactile_localizer.scene import Scene
 def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) -> dict[str, str]:
     """What was learned from a scan, by name, with units; the noise is in the unit of the scan's strain."""
     memory, sheet = model.drift.memory, model.material.sheet
-    kinds = {0.0: "the level of a sweep wanders", 1.0: "the level of a sweep is constant"}
+    kinds = {0.0: "textured, or under a force that wanders", 1.0: "featureless between features"}
     noise = np.linalg.norm(np.linalg.inv(model.noise.whitening), axis=1)
     return {
-        "material": kinds.get(sheet, f"the level of a sweep is constant with probability {sheet:.2f}"),
+        "material": kinds.get(sheet, f"in between: {100.0 * sheet:.0f} % of a sheet, the rest cloth"),
         "information length": f"{calibration.examination.information_length * MM:.1f} mm",
-        "memory of the offset": f"{memory * MM:.0f} mm" if np.isfinite(memory) else "constant",
+        "memory of the offset": f"{memory * MM:.0f} mm" if memory < 1.0 else "constant",
         "noise of a channel": f"{np.median(noise):.2g} ({noise.min():.2g} to {noise.max():.2g})",
         "registration": describe_sizes(scene, calibration.registration_std),
     }

@@ -249,3 +249,46 @@ def test_whatever_comes_an_estimate_is_finite_and_its_covariance_is_one(built, m
         assert np.linalg.eigvalsh(estimate.covariance).min() > 0
         assert 0.0 <= estimate.probability <= estimate.on_map + 1e-12 <= 1.0 + 2e-12
         assert built.hypotheses()[1].sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("mean", "std", "what"),
+    [
+        (np.array([0.01, math.nan]), np.full(2, 0.001), "mean: expected 2 finite numbers"),
+        (np.full(2, 0.01), np.array([math.inf, 0.1]), "std: expected 2 finite numbers"),
+        (np.full(3, 0.01), np.full(3, 0.001), "mean: expected 2 finite numbers"),
+        (np.full(2, 0.01), np.array([-0.001, 0.1]), "std: expected no negative deviation"),
+    ],
+)
+def test_a_seed_that_is_no_place_is_refused_and_the_belief_untouched(localizer, mean, std, what):
+    list(slide(localizer, steps=5))
+    before = state_of(localizer)
+    with pytest.raises(MeasurementError, match=what):
+        localizer.seed(mean, std)
+    assert unchanged(localizer, before)
+
+
+@pytest.mark.parametrize("factor", [1000.0, 0.001, -1.0])
+def test_strains_in_another_unit_or_of_another_sign_never_converge(factor):
+    localizer = build(bump_scan(OF, offsets=1.0))
+    along = np.arange(0.004, 0.046, 0.0005)
+    for stamp, x in enumerate(along):
+        place = np.array([x, 0.0251])
+        bump = 30.0 * math.exp(-0.5 * ((x - 0.025) ** 2 + 1e-8) / 0.004**2)
+        strain = 5.0 + bump * np.linspace(-1.0, 1.0, 16)
+        estimate = localizer.update(10_000_000 * stamp, place, factor * strain)
+        assert not estimate.converged
+    if abs(factor) > 1.0:
+        assert "outside the range of the scan" in estimate.reason
+
+
+def test_a_gauge_that_stands_still_is_named_and_the_others_count():
+    localizer, rng = build(), np.random.default_rng(0)
+    for n in range(60):
+        truth = np.array([0.01, 0.02]) + n * np.array([0.0006, 0.0002])
+        strain = strain_at(truth[None])[0] + 0.02 * rng.standard_normal(16)
+        strain[2] = 0.05
+        estimate = localizer.update(10_000_000 * n, truth, strain)
+    assert estimate.consistent.tolist() == [False, True]
+    assert estimate.reason.endswith("; index_3 stands still")
+    assert np.linalg.norm(estimate.mean - truth) < 0.002

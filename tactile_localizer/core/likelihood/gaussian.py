@@ -45,6 +45,9 @@ class Gaussian(MeasurementModel):
         if neighbours < 1:
             raise ParameterError(f"neighbours: expected at least 1, got {neighbours}")
         positions, strain = training_pairs(scan, scene)
+        # Neither a large constant in a channel nor its unit matters.
+        self._centre = strain.mean(axis=0)
+        strain = strain - self._centre
         self._layout = scene.layout
         self._neighbours = min(neighbours, len(positions))
         self._independent = independent
@@ -65,6 +68,7 @@ class Gaussian(MeasurementModel):
     ) -> np.ndarray:
         """See :meth:`MeasurementModel.log_likelihood`."""
         strain, present = checked(strain, self._layout, present)
+        strain = strain - self._centre
         rows = self._nearest(self._tree, self._places(states))
         total = np.zeros(len(states))
         for columns in self._factors(present):
@@ -121,5 +125,4 @@ class Gaussian(MeasurementModel):
 
 def ridge(covariance: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Diagonal (D, D) that makes ``covariance`` positive definite, even for a channel that never varies."""
-    size = np.abs(samples).max(axis=0)
-    return np.diag(_RIDGE * np.diag(covariance) + (1e-6 * size) ** 2 + 1e-24)
+    return np.diag(_RIDGE * np.diag(covariance) + (1e-6 * np.ptp(samples, axis=0)) ** 2 + 1e-24)

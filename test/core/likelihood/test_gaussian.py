@@ -1,6 +1,7 @@
 """The single-Gaussian models, with moments of the nearest pairs and shrinkage."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -55,3 +56,15 @@ def test_independent_phalanges_multiply(k):
 def test_fewer_than_one_neighbour_is_refused():
     with pytest.raises(ParameterError, match="neighbours: expected at least 1, got 0"):
         Gaussian(scan(np.random.default_rng(1), scene(), 200), scene(), 0)
+
+
+@pytest.mark.parametrize(("constant", "unit"), [(1e6, 1.0), (0.0, 1e-9), (1e6, 1e3)])
+def test_neither_a_large_constant_nor_another_unit_changes_the_places(constant, unit):
+    of = scene()
+    made = scan(np.random.default_rng(1), of, 300)
+    states = of.lower + np.random.default_rng(2).random((40, 2)) * 0.05
+    measured = strain_at(STATE[None])[0]
+    plain = Gaussian(made, of).log_likelihood(states, measured)
+    moved = replace(made, strain=unit * (made.strain + constant))
+    other = Gaussian(moved, of).log_likelihood(states, unit * (measured + constant))
+    np.testing.assert_allclose(other - other.max(), plain - plain.max(), atol=0.01)

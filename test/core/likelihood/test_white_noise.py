@@ -91,3 +91,46 @@ def test_a_channel_that_is_absent_keeps_its_noise() -> None:
 def test_strains_of_a_single_pair_have_no_noise_to_measure() -> None:
     one = white_noise(slides(SCENE, np.zeros(1), [np.ones((1, 3))]), SCENE)
     np.testing.assert_array_equal(one.at(PITCH), 0.0)
+
+
+def cleaned(strain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A sweep (n, 3) without spikes, and their number in each channel."""
+    sweep = SweepNoise(SCAN)
+    return np.array([sweep.observe(row, EVERY, PITCH) for row in strain]), sweep.spikes
+
+
+@pytest.mark.parametrize("row", [0, 1, 2, 50])
+@pytest.mark.parametrize("widths", [100.0, -1e6, 1e90])
+def test_a_single_value_far_off_counts_as_what_those_before_it_predict(row: int, widths: float) -> None:
+    plain = felt(PITCH, 9)[:100]
+    spoiled = plain.copy()
+    spoiled[row, 1] += widths * WIDTH[1]
+    found, spikes = cleaned(spoiled)
+    later = slice(max(row, 2), None)  # before the third strain nothing is predicted
+    np.testing.assert_allclose(found[later], plain[later], atol=20.0 * WIDTH.max())
+    np.testing.assert_allclose(found[row + 2 :], plain[row + 2 :])
+    assert spikes.tolist() == [0, int(row >= 2), 0]
+
+
+def test_an_edge_is_no_spike_but_for_its_first_strain() -> None:
+    strain = felt(PITCH, 9)[:100]
+    strain[50:] += 1000.0 * WIDTH
+    found, spikes = cleaned(strain)
+    np.testing.assert_allclose(np.delete(found, 50, axis=0), np.delete(strain, 50, axis=0))
+    assert spikes.tolist() == [1, 1, 1]
+
+
+def test_the_white_noise_of_a_channel_that_never_changes_is_finite() -> None:
+    strain = felt(PITCH, 0)
+    strain[:, 0] = 7.0
+    with np.errstate(all="raise"):
+        noise = white_noise(slides(SCENE, np.arange(0.0, LENGTH, PITCH), [strain]), SCENE)
+    assert np.isfinite(noise.variance).all()
+    np.testing.assert_allclose(noise.variance[:, 0], 0.0, atol=1e-290)
+
+
+def test_much_more_noise_is_known_after_a_dozen_strains() -> None:
+    sweep = SweepNoise(SCAN)
+    for strain in felt(PITCH, 9, 25.0)[:12]:
+        sweep.observe(strain, EVERY, PITCH)
+    assert (sweep.excess(PITCH) > 3.0 * WIDTH**2).all()
