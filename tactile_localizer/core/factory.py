@@ -109,11 +109,13 @@ def _calibrated(scan: Scan, scene: Scene, learned: SweepModel, say: Progress) ->
     """Examine the scan, and register its sweeps with the information length that this gives."""
     say("examining the scan by held-out sweeps", 0.2)
     prior = Calibration(registration_std([], scene.dimension) / levers(scene), learned.variance)
-    whole = learned.mixture(scene, learned.cell(scene, _EXAMINED.cell))
-    quiet = learned.quiet_energy(whole, UNEXAMINED)
+    quiet: list[np.ndarray] = []
 
     def build(part: SweepModel, within: Scene) -> Localizer:
-        return _assembled(part, within, _EXAMINED, prior, np.random.default_rng(0), scan, quiet)
+        if not quiet:
+            whole = learned.mixture(scene, learned.cell(scene, _EXAMINED.cell))
+            quiet.append(learned.quiet_energy(whole, UNEXAMINED))
+        return _assembled(part, within, _EXAMINED, prior, np.random.default_rng(0), scan, quiet[0])
 
     examination = examine(
         scan, learned, build, lambda done: say("examining the scan by held-out sweeps", 0.2 + 0.7 * done)

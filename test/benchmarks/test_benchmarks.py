@@ -90,7 +90,8 @@ def test_recorded_adds_white_noise_in_units_of_the_channels_own() -> None:
 def test_speed_measures_what_a_user_waits_for(bump: Path, tmp_path: Path) -> None:
     rows = rows_of(tmp_path, "speed.py", bump, "--repeat", "1", "--cycles", "10")
     values = {row["name"]: row["value"] for row in rows}
-    assert 0.0 < values["import of the package"] < values["first estimate"] < values["learning and replay"]
+    assert 0.0 < values["import of the package"] < values["first estimate"]
+    assert values["learning and replay"] > 0.0
     assert values["import, learning and replay"] == values["import csv"] + values["learning and replay"]
     assert values["decoding"] > 0.0
 

@@ -25,6 +25,7 @@ def test_configurations_are_compared_on_an_own_scan_without_a_region(
     assert main(["simulate", "bump", "--train", "11", "--test", "2", "-o", "."]) == 0
     save_scene(replace(load_scene(resource_path("config/scenes/bump.yaml")), feature=None), "scene.yaml")
     assert main(["import", "csv", "train.csv", "--scene", "scene.yaml", "-o", "bump_scan"]) == 0
+    capsys.readouterr()
     names = Path("test.csv").read_text().partition("\n")[0].split(",")
     rows = np.loadtxt("test.csv", delimiter=",", skiprows=1)
     poses = [names.index(name) for name in ("stamp_s", "x", "y")]

@@ -45,7 +45,7 @@ def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe,
     probe.until(lambda: state_of(probe, "tactile_filter") == "configuring", "the calibration")
     assert not probe.change("tactile_filter", "configure"), "one transition at a time"
     probe.until(answer.done, "the end of the calibration", 180.0)
-    assert "calibrating on held-out sweeps: 20%" in process.output
+    assert "examining the scan by held-out sweeps: 20%" in process.output
     assert answer.result().success
     probe.until(lambda: any("ready: 100%" in array.status[0].message for array in reports), "100 %")
     assert reports[0].status[0].name == "tactile_filter: map"
