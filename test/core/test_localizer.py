@@ -268,8 +268,8 @@ def test_a_seed_that_is_no_place_is_refused_and_the_belief_untouched(localizer, 
     assert unchanged(localizer, before)
 
 
-@pytest.mark.parametrize("factor", [1000.0, 0.001, -1.0])
-def test_strains_in_another_unit_or_of_another_sign_never_converge(factor):
+@pytest.mark.parametrize("factor", [1000.0, 0.001])
+def test_strains_in_another_unit_never_converge(factor):
     localizer = build(bump_scan(OF, offsets=1.0))
     along = np.arange(0.004, 0.046, 0.0005)
     for stamp, x in enumerate(along):

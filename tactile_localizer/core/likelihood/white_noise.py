@@ -133,9 +133,9 @@ class SweepNoise:
             return strain
         predicted = self._kept + self._kept_step
         off = np.square(strain - predicted) > _SPIKE**2 * 6.0 * self._variance
-        # After the first strain of all nothing is predicted yet.
-        self._spiked = off & ~self._spiked if self._step is not None else np.zeros_like(off)
-        if self._spiked.any():
+        before, self._spiked = self._spiked, off
+        if self._step is not None:  # else nothing is predicted yet: either of the two may be the spike
+            self._spiked = off & ~before
             self.spikes = self.spikes + self._spiked
             strain = np.where(self._spiked, predicted, strain)
         self._kept, self._kept_step = strain, np.where(off, 0.0, strain - self._kept)
