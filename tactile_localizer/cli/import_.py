@@ -17,7 +17,6 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.scan import examined
 from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError, SceneError, printable
 from tactile_localizer.io.csv.columns import ColumnNaming, MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
@@ -30,6 +29,7 @@ from tactile_localizer.offline.examination import describe_examination, examinat
 from tactile_localizer.offline.scan_quality import findings
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.sweep_detector import SweepDetector
 
 _CELL_M = 0.002
 """Size of the smallest cells of a map, m; rougher scans have larger ones."""

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.geometry.palm_frame import PalmFrame
-from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.bags.sweeps import TOPICS
@@ -26,6 +24,8 @@ from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED, with_
 from tactile_localizer.quantity import number
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.palm_frame import PalmFrame
+from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S
 
 
 def add_scan_arguments(parser: argparse.ArgumentParser) -> None:

@@ -24,11 +24,11 @@ from tactile_localizer.core.likelihood.base import MeasurementModel, checked, ha
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.other_material import ENERGY_LENGTH, variance_factor
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.likelihood.weights import normalize
 from tactile_localizer.core.likelihood.white_noise import SweepNoise
 from tactile_localizer.core.plausibility import StampUnit, StuckGauges
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.strain_mean import StrainMean
+from tactile_localizer.core.weights import normalize
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 

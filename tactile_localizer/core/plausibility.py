@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from tactile_localizer.core.geometry.motion import MotionModel
-from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.quantity import is_number
 from tactile_localizer.scene import Scene
 
-_MIN_PERIOD_NS = NANOSECONDS // 10_000
+_MIN_PERIOD_NS = 100_000
 """Shortest plausible period of a tactile sensor, ns (judgement); stamps in µs advance by less."""
 _MAX_TRAVEL_M = 0.01
 """m of travel at a shorter period, over several samples, that is refused."""

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.geometry.palm_motion import describe_motion
-from tactile_localizer.core.geometry.runs import LATE, runs_of
-from tactile_localizer.core.geometry.synchronization import describe_gaps
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 from tactile_localizer.scene import LARGEST_STRAIN, Axis, Scene
+from tactile_localizer.streams.palm_motion import describe_motion
+from tactile_localizer.streams.runs import LATE, runs_of
+from tactile_localizer.streams.sweep_detector import SweepDetector
+from tactile_localizer.streams.synchronization import describe_gaps
 
 NO_CONTACT = (-1, -1)
 ENDED = "ended"

@@ -27,12 +27,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
-from tactile_localizer.core.geometry.runs import LATE, NANOSECONDS, STRAIN, Runs
 from tactile_localizer.errors import MeasurementError, ParameterError, did_you_mean
 from tactile_localizer.io.status import MISSING, OK
 from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.quantity import number, whole_number
 from tactile_localizer.scene import MOST_CHANNELS
+from tactile_localizer.streams.runs import LATE, NANOSECONDS, STRAIN, Runs
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 _FIELDS = {

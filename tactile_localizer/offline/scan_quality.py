@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_localizer.core.geometry.palm_motion import describe_motion
-from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import listed
 from tactile_localizer.io.recording import ENDED, RecordedSweep
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.coverage import Coverage
+from tactile_localizer.streams.palm_motion import describe_motion
 
 _MIN_PAIRS = 50
 """Pairs below which a channel cannot be checked."""

@@ -7,8 +7,8 @@ from array import array
 import numpy as np
 from builtin_interfaces.msg import Time
 
-from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.msg import StrainVectors
+from tactile_localizer.streams.runs import NANOSECONDS
 
 
 def to_ns(stamp: Time) -> int:

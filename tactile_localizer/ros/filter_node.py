@@ -23,8 +23,6 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from std_srvs.srv import Empty
 
 from tactile_localizer.core.factory import build_localizer, convergence_criteria
-from tactile_localizer.core.geometry.runs import NANOSECONDS
-from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
@@ -48,6 +46,8 @@ from tactile_localizer.ros.publishers.material_transform import MaterialBroadcas
 from tactile_localizer.ros.subscriptions.tactile_inputs import INPUTS, TactileInputs
 from tactile_localizer.scene import Scene
 from tactile_localizer.srv import LoadScan
+from tactile_localizer.streams.runs import NANOSECONDS
+from tactile_localizer.streams.synchronization import Pair
 
 _NUMBERS = re.compile(r"\(\d+ publishers?\)|[\d.]+")
 _WATCH_PERIOD_S, _WATCHES_PER_STATUS = 0.1, 10

@@ -17,10 +17,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from tactile_localizer.core.geometry.runs import NANOSECONDS
-from tactile_localizer.core.geometry.synchronization import Pair
-from tactile_localizer.core.scan.coverage import Coverage
-from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
 from tactile_localizer.io.scans.sweep_files import OpenSweep
@@ -35,6 +31,10 @@ from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Incre
 from tactile_localizer.ros.mapping_parameters import PARAMETERS
 from tactile_localizer.ros.publishers.maps import MapPublisher
 from tactile_localizer.ros.subscriptions.tactile_inputs import INPUTS, TactileInputs
+from tactile_localizer.streams.coverage import Coverage
+from tactile_localizer.streams.runs import NANOSECONDS
+from tactile_localizer.streams.sweep_detector import SweepDetector
+from tactile_localizer.streams.synchronization import Pair
 
 _STATUS_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _COMMIT_PERIOD_S = 0.2

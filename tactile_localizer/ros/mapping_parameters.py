@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from tactile_localizer.core.scan.coverage import SWEEP_DISTANCE_M
-from tactile_localizer.core.scan.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M
 from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, SYNCHRONIZATION
+from tactile_localizer.streams.coverage import SWEEP_DISTANCE_M
+from tactile_localizer.streams.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M
 
 PARAMETERS = (
     Parameter("scan_file", "", "Scan (folder) to record to; an existing one is continued", at_start=True),

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_localizer.core.geometry.synchronization import Pair
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import usable
 from tactile_localizer.io.scans.recorder import StrainSample
+from tactile_localizer.streams.synchronization import Pair
 
 _TIMES_KEPT = 4096
 _BEFORE_FIRST_NS = -1

@@ -9,10 +9,10 @@ from support.sweeps import scene_of, unseen_sweep
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.sim import simulate_scan
+from tactile_localizer.streams.synchronization import Pairing
 
 MS = 1_000_000
 OK = np.zeros(2, dtype=np.uint8)

@@ -17,7 +17,6 @@ from support.sweeps import CALIBRATION, scene_of, stamp_of, unseen_sweep
 from tactile_localizer.cli import main
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.geometry.synchronization import Pairing
 from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.range import ScanRange
@@ -27,6 +26,7 @@ from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.sim import simulate_scan
+from tactile_localizer.streams.synchronization import Pairing
 
 pytestmark = pytest.mark.ros
 

@@ -16,10 +16,10 @@ from support.bags import MS, SCENE
 from support.hand import DEEP_QUEUE, Hand
 from support.waiting import wait_until
 
-from tactile_localizer.core.geometry.synchronization import pair_recorded
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.ros.base.child_process import end_with_parent
+from tactile_localizer.streams.synchronization import pair_recorded
 
 pytestmark = pytest.mark.ros
 

@@ -11,9 +11,9 @@ from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.anchors import Injection
 from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.geometry.lattice import flatten_axes
 from tactile_localizer.core.geometry.motion import MotionModel
-from tactile_localizer.core.likelihood.base import flatten_axes
-from tactile_localizer.core.likelihood.weights import moments, normalize
+from tactile_localizer.core.weights import moments, normalize
 from tactile_localizer.scene import Scene
 
 _THREE_POINT = 0.6

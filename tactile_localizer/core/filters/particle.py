@@ -12,7 +12,7 @@ from tactile_localizer.core.filters.resampling import systematic
 from tactile_localizer.core.geometry.anchors import Injection
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel
-from tactile_localizer.core.likelihood.weights import effective_sample_size, moments, normalize
+from tactile_localizer.core.weights import effective_sample_size, moments, normalize
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Region, Scene
 

@@ -1,1 +1,1 @@
-"""Angles, motion, frames, and synchronization of palm poses with strain vectors."""
+"""States: angles, lattices, motion and the travel between them, positions of phalanges, anchors."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH
-from tactile_localizer.core.likelihood.weights import normalize
+from tactile_localizer.core.weights import normalize
 
 LEAVING_RATE = 1.0 / PATCH_LENGTH
 """Rate at which the hand comes upon other material, per metre of travel: as before the first strain, the

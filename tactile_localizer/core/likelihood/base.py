@@ -105,8 +105,3 @@ def training_pairs(scan: Scan, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     if scene.wraps.any():
         positions = np.where(scene.wraps, wrap_angle(positions), positions)
     return positions, scan.strain_on(scene)
-
-
-def flatten_axes(axes: list[np.ndarray]) -> np.ndarray:
-    """All combinations of the coordinates of d axes, in C order: (C1 * ... * Cd, d)."""
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))

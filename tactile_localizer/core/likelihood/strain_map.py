@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.geometry.lattice import flatten_axes
 from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.noise_model import WhitenedScan
 from tactile_localizer.core.likelihood.student_t import log_density, weight
 from tactile_localizer.core.scan.interpolation import Expectation, interpolate, tiles

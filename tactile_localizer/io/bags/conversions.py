@@ -6,13 +6,13 @@ from functools import partial
 from operator import attrgetter
 from typing import Any
 
-from tactile_localizer.core.geometry.transforms import Transform
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.bags.reader import Wanted, absolute
 from tactile_localizer.io.bags.sweeps import Change, Travel
 from tactile_localizer.io.strain_adapter import StrainAdapter, StrainVector
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.transforms import Transform
 
 TF, TF_STATIC = "/tf", "/tf_static"
 _POSES = {

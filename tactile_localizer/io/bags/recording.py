@@ -11,11 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tactile_localizer.core.geometry.palm_frame import PalmFrame
-from tactile_localizer.core.geometry.runs import NANOSECONDS, STRAIN, Runs, runs_of
-from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S, pair_recorded
-from tactile_localizer.core.geometry.transforms import combined
-from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import MeasurementError, ScanError, listed
 from tactile_localizer.io.bags.conversions import CONVERTED, TF, TF_STATIC, adapted_strain, converted_strain
 from tactile_localizer.io.bags.reader import BagMessages, Wanted, absolute, read_messages
@@ -31,6 +26,11 @@ from tactile_localizer.io.bags.sweeps import (
 from tactile_localizer.io.recording import RecordedSweep, Recording, join, late_notes, pose_notes
 from tactile_localizer.io.strain_adapter import StrainAdapter
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.palm_frame import PalmFrame
+from tactile_localizer.streams.runs import NANOSECONDS, STRAIN, Runs, runs_of
+from tactile_localizer.streams.sweep_detector import SweepDetector
+from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S, pair_recorded
+from tactile_localizer.streams.transforms import combined
 
 _MOST_DELAY_NS = NANOSECONDS // 10
 """Largest difference between the delays of strain and poses, ns (judgement): 5 mm at 50 mm/s."""

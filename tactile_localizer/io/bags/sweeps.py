@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_localizer.core.scan.sweep_detector import SweepDetector
+from tactile_localizer.streams.sweep_detector import SweepDetector
 
 TOPICS = {
     "strain": ("/strain", "strain vectors"),

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.core.geometry.synchronization import DEFAULT_MAX_GAP_S
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import ColumnNaming, missing_column, phalanges_in
 from tactile_localizer.io.csv.recording import read_csv
@@ -21,6 +20,7 @@ from tactile_localizer.scene import (
     Phalanx,
     Scene,
 )
+from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S
 
 _LONGEST_M = 3.0
 """Longest plausible range of positions on material, m (judgement)."""

@@ -16,12 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.core.geometry.runs import LATE, runs_of
-from tactile_localizer.core.geometry.synchronization import (
-    DEFAULT_MAX_GAP_S,
-    near_bounds,
-    pair_recorded,
-)
 from tactile_localizer.errors import ScanError, listed
 from tactile_localizer.io.csv.columns import FELT, SWEEP, TRUE, ColumnNaming, Columns
 from tactile_localizer.io.csv.table import Table, in_other_unit, read_table
@@ -34,6 +28,12 @@ from tactile_localizer.io.recording import (
     pose_notes,
 )
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.runs import LATE, runs_of
+from tactile_localizer.streams.synchronization import (
+    DEFAULT_MAX_GAP_S,
+    near_bounds,
+    pair_recorded,
+)
 
 _PERIOD_S = 5e-5, 0.5
 """Shortest and longest plausible time between samples of a tactile sensor, s (judgement)."""

@@ -10,13 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tactile_localizer.core.geometry.synchronization import Pair
-from tactile_localizer.core.scan.coverage import Coverage
-from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import USABLE, RecordedSweep, screen
 from tactile_localizer.io.scans.sweep_files import OpenSweep
 from tactile_localizer.io.scans.writer import ScanWriter
+from tactile_localizer.streams.coverage import Coverage
+from tactile_localizer.streams.sweep_detector import SweepDetector
+from tactile_localizer.streams.synchronization import Pair
 
 StrainSample = tuple[np.ndarray, np.ndarray]
 """Strain voltages (C,), V, and status bits (F,)."""

@@ -13,13 +13,13 @@ from std_msgs.msg import Bool, Header
 from visualization_msgs.msg import MarkerArray
 
 from tactile_localizer.core.filters.resampling import systematic
-from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.msg import Posterior
 from tactile_localizer.ros.base.parameters import Parameters
 from tactile_localizer.ros.base.qos import LATCHED
 from tactile_localizer.ros.conversions import from_ns
 from tactile_localizer.ros.publishers import hand_markers
+from tactile_localizer.streams.runs import NANOSECONDS
 
 _COVARIANCE_INDEX = {"x": 0, "y": 1, "yaw": 5}
 """Row of each axis in the covariance of a pose: x, y, z and the rotations about x, y, z."""

@@ -14,15 +14,6 @@ from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from tactile_localizer.core.geometry.palm_frame import PalmFrame
-from tactile_localizer.core.geometry.palm_motion import describe_motion
-from tactile_localizer.core.geometry.runs import NANOSECONDS
-from tactile_localizer.core.geometry.synchronization import (
-    DEFAULT_MAX_GAP_S,
-    DEFAULT_PATIENCE_S,
-    Pair,
-    Pairing,
-)
 from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError
 from tactile_localizer.io.scans.recorder import StrainSample
 from tactile_localizer.io.strain_vectors import StrainReader
@@ -33,6 +24,15 @@ from tactile_localizer.ros.conversions import to_ns
 from tactile_localizer.ros.diagnostics.status import LargestRecent
 from tactile_localizer.ros.subscriptions.tf_poses import TfPoses
 from tactile_localizer.scene import Axis, Scene
+from tactile_localizer.streams.palm_frame import PalmFrame
+from tactile_localizer.streams.palm_motion import describe_motion
+from tactile_localizer.streams.runs import NANOSECONDS
+from tactile_localizer.streams.synchronization import (
+    DEFAULT_MAX_GAP_S,
+    DEFAULT_PATIENCE_S,
+    Pair,
+    Pairing,
+)
 
 _Pairs = list[Pair[StrainSample]]
 

@@ -14,9 +14,9 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
-from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.ros.base.parameters import import_optional
 from tactile_localizer.ros.conversions import to_ns
+from tactile_localizer.streams.runs import NANOSECONDS
 
 _TF = QoSProfile(depth=1000)
 _TF_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -8,8 +8,8 @@ from support.models import whitened_scan
 from support.scans import raster, slides
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core.geometry.lattice import flatten_axes
 from tactile_localizer.core.geometry.motion import YAW_LEVER
-from tactile_localizer.core.likelihood.base import flatten_axes
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import whiten
 from tactile_localizer.core.likelihood.strain_map import (

@@ -10,10 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.bags import MS, SCENE, pose, posterior, slide, status, strain, write_bag
 
-from tactile_localizer.core.geometry.palm_frame import PalmFrame
-from tactile_localizer.core.geometry.synchronization import Pairing
-from tactile_localizer.core.scan.coverage import Coverage
-from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import MeasurementError, ScanError
 from tactile_localizer.io.bags.conversions import stamp_of
 from tactile_localizer.io.bags.recording import read_bag
@@ -22,6 +18,10 @@ from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scans.recorder import SweepRecorder
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.strain_vectors import StrainReader
+from tactile_localizer.streams.coverage import Coverage
+from tactile_localizer.streams.palm_frame import PalmFrame
+from tactile_localizer.streams.sweep_detector import SweepDetector
+from tactile_localizer.streams.synchronization import Pairing
 
 STATUS, POSTERIOR = "tactile_mapping/status", "tactile_filter/posterior"
 

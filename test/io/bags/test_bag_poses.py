@@ -6,9 +6,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from support.bags import MS, SCENE, START, STORE, TYPES, pose, slide, strain, write_bag, x_at
 from support.notes import counts
 
-from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.bags.recording import read_bag
+from tactile_localizer.streams.palm_frame import PalmFrame
 
 T = STORE.types
 STRAIN_MS = np.arange(20, 1001, 5)

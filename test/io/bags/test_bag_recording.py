@@ -28,12 +28,12 @@ from support.bags import (
 )
 from support.notes import counts
 
-from tactile_localizer.core.geometry.palm_frame import PalmFrame
-from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.strain_adapter import adapter_from_dict
 from tactile_localizer.scene import Axis, Phalanx, Scene
+from tactile_localizer.streams.palm_frame import PalmFrame
+from tactile_localizer.streams.sweep_detector import SweepDetector
 
 STRAIN_MS = np.arange(20, 2001, 5)
 

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_localizer.core.geometry.synchronization import Pairing, interpolate_poses
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import (
     ColumnNaming,
@@ -25,6 +24,7 @@ from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.scene import Axis, Phalanx, Scene
+from tactile_localizer.streams.synchronization import Pairing, interpolate_poses
 
 SCENE = Scene(
     "bump", (Axis("x", 0, 1), Axis("y", 0, 1)), (Phalanx("index", (0, 0)), Phalanx("middle", (0, 0)))

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tactile_localizer.core.scan.coverage import Coverage
 from tactile_localizer.scene import Axis, Phalanx, Scene
+from tactile_localizer.streams.coverage import Coverage
 
 
 def scene_of(*axes: Axis) -> Scene:

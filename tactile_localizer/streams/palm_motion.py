@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.scene import Axis
+from tactile_localizer.streams.runs import NANOSECONDS
 
 _STILL, _STILL_S = 1e-5, 0.5
 """Range of positions that do not change, m (yaw: rad), less than a load cell resolves; shortest time, s."""

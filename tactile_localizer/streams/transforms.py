@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tactile_localizer.core.geometry.runs import NANOSECONDS
-from tactile_localizer.core.geometry.synchronization import brackets
+from tactile_localizer.streams.runs import NANOSECONDS
+from tactile_localizer.streams.synchronization import brackets
 
 _UNIT_TOLERANCE = 0.01
 """Largest difference of a quaternion's squared length to 1; tf2 ignores others."""

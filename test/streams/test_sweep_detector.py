@@ -4,8 +4,8 @@ import itertools
 
 import numpy as np
 
-from tactile_localizer.core.scan.sweep_detector import SweepDetector
 from tactile_localizer.scene import Axis
+from tactile_localizer.streams.sweep_detector import SweepDetector
 
 AXES = (Axis("x", 0.0, 0.1), Axis("y", 0.0, 0.1))
 RATE = 100

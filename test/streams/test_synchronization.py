@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.geometry.runs import LATE, runs_of
-from tactile_localizer.core.geometry.synchronization import (
+from tactile_localizer.errors import MeasurementError
+from tactile_localizer.scene import Axis
+from tactile_localizer.streams.runs import LATE, runs_of
+from tactile_localizer.streams.synchronization import (
     Pairing,
     describe_gaps,
     interpolate_poses,
     near_bounds,
     pair_recorded,
 )
-from tactile_localizer.errors import MeasurementError
-from tactile_localizer.scene import Axis
 
 AXES = (Axis("x", 0.0, 1.0),)
 MS = 1_000_000

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from tactile_localizer.core.geometry.transforms import Transform, combined
+from tactile_localizer.streams.transforms import Transform, combined
 
 MS = 1_000_000
 STAMPS_NS = np.arange(0, 204, 7) * MS

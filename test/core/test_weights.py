@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.likelihood.weights import effective_sample_size, moments, normalize
+from tactile_localizer.core.weights import effective_sample_size, moments, normalize
 
 LOG_WEIGHTS = arrays(
     np.float64, st.integers(1, 60), elements=st.floats(-1e15, 1e15) | st.just(-math.inf), fill=st.nothing()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactile_localizer.core.geometry.runs import NANOSECONDS
 from tactile_localizer.scene import Axis
+from tactile_localizer.streams.runs import NANOSECONDS
 
 DEFAULT_REVERSAL_M = 0.002
 """Travel against a sweep's direction that ends it, and travel from rest that begins one, m."""

@@ -15,7 +15,9 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.geometry.runs import (
+from tactile_localizer.errors import MeasurementError
+from tactile_localizer.scene import Axis
+from tactile_localizer.streams.runs import (
     LATE,
     NANOSECONDS,
     POSES,
@@ -24,8 +26,6 @@ from tactile_localizer.core.geometry.runs import (
     runs_of,
     runs_of_both,
 )
-from tactile_localizer.errors import MeasurementError
-from tactile_localizer.scene import Axis
 
 T = TypeVar("T")
 

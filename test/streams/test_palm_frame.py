@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tactile_localizer.core.geometry.palm_frame import PalmFrame
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.scene import Axis
+from tactile_localizer.streams.palm_frame import PalmFrame
 
 X = Axis("x", -10, 10)
 Y = Axis("y", -10, 10)
