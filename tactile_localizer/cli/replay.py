@@ -82,7 +82,7 @@ def _replay(args: argparse.Namespace, output: TextIO) -> int:
         calibration = learned_calibration(args.scan, scan, scene, progress)
         rng = np.random.default_rng(args.seed)
         localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
-        sweeps = replay(localizer, with_contact(recording, scene, localizer.model), progress)
+        sweeps = replay(localizer, with_contact(recording, localizer.model), progress)
     verdict = judge(scene, sweeps, configuration)
     learned = learned_values(scene, localizer.model, calibration)
     document = replay_document(

@@ -362,7 +362,7 @@ class Localizer:
         """Log-likelihoods (P,) by the model for the position, of the strain without the sweep's offset."""
         assert self._position_model is not None
         trend = np.exp(prediction.log_weights) @ innovation.map_trend[: len(prediction.states)]
-        level_out = self.model.in_volts(innovation.strain + innovation.turned + trend)
+        level_out = self.model.in_volts(strain, innovation.strain + innovation.turned + trend)
         strain = self.model.material.mixed(level_out, strain)
         return self._position_model.log_likelihood(prediction.states, strain, used)
 

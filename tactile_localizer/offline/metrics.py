@@ -80,7 +80,7 @@ def travel_from_contact(sweep: ReplayedSweep) -> np.ndarray:
     return sweep.travel - sweep.travel[start : start + 1].sum()
 
 
-def with_contact(recording: Recording, scene: Scene, model: SweepMixture) -> Recording:
+def with_contact(recording: Recording, model: SweepMixture) -> Recording:
     """Mark the samples in contact with a feature, in sweeps whose true positions are known.
 
     A recorded mark is kept; the simulator writes one. Otherwise a sample is in contact if the map predicts
@@ -90,13 +90,13 @@ def with_contact(recording: Recording, scene: Scene, model: SweepMixture) -> Rec
 
     Parameters
     ----------
-    recording : recording with the axes and phalanges of ``scene``
+    recording : recording with the axes and phalanges of the model
     model : measurement model of the localizer
     """
     if model.material.sheet < 0.5:
         return recording
     expected = np.einsum("mk,mkc->mc", np.exp(model.map.log_prior), model.map.mean)
-    on_feature = np.max(scene.layout.mean(expected**2), axis=1) > 1.0
+    on_feature = np.max(model.noise.layout.mean(expected**2), axis=1) > 1.0
     sweeps = []
     for sweep in recording.sweeps:
         if sweep.felt is None and sweep.truth is not None and np.isfinite(sweep.truth).all():

@@ -24,7 +24,7 @@ def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) 
     """What was learned from a scan, by name, with units; the noise is in the unit of the scan's strain."""
     memory, sheet = model.drift.memory, model.material.sheet
     kinds = {0.0: "textured, or under a force that wanders", 1.0: "featureless between features"}
-    noise = np.linalg.norm(np.linalg.inv(model.noise.whitening), axis=1)
+    noise = np.sqrt(model.noise.variance)
     return {
         "material": kinds.get(sheet, f"in between: {100.0 * sheet:.0f} % of a sheet, the rest cloth"),
         "information length": f"{calibration.examination.information_length * MM:.1f} mm",

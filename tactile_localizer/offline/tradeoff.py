@@ -166,7 +166,7 @@ def trade(
         raise ParameterError(f"jobs: expected at least 1, or -1 for one per core, got {jobs}")
     rng = np.random.default_rng(seed)
     exact = build_localizer(scan, scene, Configuration(), rng, calibration=calibration)
-    marked = with_contact(recording, scene, exact.model)
+    marked = with_contact(recording, exact.model)
     measure = partial(_measure, scan, scene, marked, calibration, seed)
     trades: list[Trade] = []
     failed: dict[str, str] = {}

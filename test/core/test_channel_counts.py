@@ -1,9 +1,12 @@
 """Phalanges with any number of channels, and not all the same number."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.scans import axes, bump_scan, scan, strain_at
 
+from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.scene import Phalanx, Region, Scene
@@ -48,3 +51,27 @@ def test_the_level_of_a_sweep_does_not_move_the_position_of_another_model() -> N
         ends.append(estimate.mean)
     np.testing.assert_allclose(ends[1], ends[0], atol=5e-4)
     assert np.linalg.norm(ends[1] - way[-1]) < 0.003
+
+
+@pytest.mark.parametrize("axis", ["straight", "turned"])
+def test_more_channels_than_directions_of_the_signal_are_not_worse(axis: str) -> None:
+    """Other material of the map's one direction does not win over a map whose errors are of all channels."""
+    ways, travels = np.column_stack([np.arange(0.002, 0.048, 0.0005), np.full(92, 0.0237)]), []
+    for channels in (8, 64, 200):
+        of = Scene("sheet", axes(2), (Phalanx("finger", (0.0, 0.0), channels),))
+        mixing = np.eye(channels)
+        if axis == "turned":
+            mixing = np.linalg.qr(np.random.default_rng(1).standard_normal((channels, channels)))[0]
+        scanned = bump_scan(of)
+        scanned = replace(scanned, strain=scanned.strain @ mixing)
+        known = Calibration(np.full(2, 0.0015))
+        localizer = build_localizer(scanned, of, Configuration(), np.random.default_rng(0), calibration=known)
+        rng, converged = np.random.default_rng(2), 0
+        for n, place in enumerate(ways):
+            bump = 30.0 * np.exp(-0.5 * np.sum(((place - 0.025) / 0.004) ** 2))
+            felt = bump * np.linspace(-1.0, 1.0, channels) + rng.standard_normal(channels)
+            estimate = localizer.update((1 + n) * 10**7, place, felt @ mixing)
+            converged += estimate.converged
+        assert np.linalg.norm(estimate.mean - place) < 0.003
+        travels.append(converged)
+    assert min(travels) > 0.9 * travels[0] > 20

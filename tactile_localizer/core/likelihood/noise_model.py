@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +25,8 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import PITCH, Tracks
 from tactile_localizer.scene import Scene
 
+MOST_DIRECTIONS = 8
+"""Whitened directions of a phalanx: as many as the gauges of the load cells on which all else was tried."""
 _DIAGONAL_LOADING = 0.05
 """Fraction of each channel's variance that is added to the diagonal of the covariance."""
 _FEATURELESS_STRETCH = 0.2
@@ -44,37 +46,39 @@ _SMOOTHING = 0.002
 class NoiseModel:
     """Linear transform to whitened strains, in which the noise of each phalanx has unit covariance.
 
+    Of a phalanx with more than :data:`MOST_DIRECTIONS` channels they are the directions in which the scan
+    differs most. So W directions are left of C channels.
+
     Parameters
     ----------
-    layout : channels of the strain by phalanx
+    layout : whitened directions by phalanx
     centre : (C,) V, subtracted from every strain
-    whitening : (C, C) block-diagonal; ``whitening @ (strain - centre)`` are whitened strains
-    log_volume : (F,) logarithms of the determinants of its blocks, for densities over strains in volts
-    offset_variance : (C,) whitened variance of the level of a new sweep; infinite: it is unknown
-    turning : (C,) change of the whitened featureless strain per rad of yaw: friction turns with the hand
+    whitening : (W, C); ``whitening @ (strain - centre)`` are whitened strains
+    inverse : (C, W) V, of whitened strains
+    variance : (C,) V^2, of a visit in raw channels
+    log_volume : (F,) logarithms of the volumes of its blocks, for densities over strains in volts
+    offset_variance : (W,) whitened variance of the level of a new sweep; infinite: it is unknown
+    turning : (W,) change of the whitened featureless strain per rad of yaw: friction turns with the hand
     white : white noise of the scan's channels
     """
 
     layout: ChannelLayout
     centre: np.ndarray
     whitening: np.ndarray
+    inverse: np.ndarray
+    variance: np.ndarray
     log_volume: np.ndarray
     offset_variance: np.ndarray
     turning: np.ndarray
     white: WhiteNoise
 
     def rewhitening(self, excess: np.ndarray) -> np.ndarray:
-        """Transform (C, C) of whitened strains that whitens a noisier visit.
+        """Transform (W, W) of whitened strains that whitens a noisier visit.
 
         ``excess`` (C,), V^2, is the variance by which each raw channel is noisier.
         """
-        covariance = np.eye(len(excess)) + (self.whitening * excess) @ self.whitening.T
+        covariance = np.eye(self.layout.size) + (self.whitening * excess) @ self.whitening.T
         return np.linalg.inv(np.linalg.cholesky(covariance))
-
-    @cached_property
-    def variance(self) -> np.ndarray:
-        """Variance (C,), V^2, of a visit in raw channels."""
-        return np.asarray(np.square(np.linalg.inv(self.whitening)).sum(axis=1))
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """Strains (..., C), V, in whitened coordinates."""
@@ -93,8 +97,8 @@ class WhitenedScan(NamedTuple):
     noise : the noise model
     offsets : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
         offset is known
-    strain : (n, C) of the tracks' points, whitened, without the offsets
-    signal : (n, C) its reproducible part: exactly zero where nothing is reproducible
+    strain : (n, W) of the tracks' points, whitened, without the offsets
+    signal : (n, W) its reproducible part: exactly zero where nothing is reproducible
     """
 
     tracks: Tracks
@@ -119,48 +123,77 @@ def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
     spacing = line_spacing(tracks)
     held_out = hold_out(tracks, spacing) if len(tracks) > 1 else None
     white, resolution = white_noise(scan, scene), _resolution(scan.strain_on(scene))
+    directions, back, layout = _directions(tracks, np.hypot(np.sqrt(white.variance[0]), resolution))
+    whitened = partial(_whitened, tracks, spacing, held_out, white, resolution, directions, back, layout)
     if held_out is None:  # of the level of a single sweep nothing is known
-        return _whitened(tracks, spacing, None, Material(0.0), white, resolution)
-    sheet = _whitened(tracks, spacing, held_out, Material(1.0), white, resolution)
+        return whitened(Material(0.0))
+    sheet = whitened(Material(1.0))
     material = Material.of(_texture_ratio(sheet, held_out), _wander(sheet, held_out))
-    return (
-        sheet if material.sheet == 1.0 else _whitened(tracks, spacing, held_out, material, white, resolution)
-    )
+    return sheet if material.sheet == 1.0 else whitened(material)
+
+
+def _directions(tracks: Tracks, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray, ChannelLayout]:
+    """Directions (W, C) of the strain in which the sweeps vary most, back (C, W), and how many by phalanx.
+
+    They are orthogonal in the ``unit`` (C,), V, of each channel.
+    """
+    all_channels = tracks.scene.layout
+    layout = ChannelLayout(tuple(min(count, MOST_DIRECTIONS) for count in all_channels.counts))
+    directions, back = np.zeros((2, layout.size, all_channels.size))
+    for of, own in zip(layout.slices, all_channels.slices, strict=True):
+        felt = tracks.strain[:, own]
+        if felt.shape[1] <= MOST_DIRECTIONS:
+            directions[of, own] = back[of, own] = np.eye(felt.shape[1])
+            continue
+        felt = np.concatenate([felt[each] - np.median(felt[each], axis=0) for each in tracks.slices])
+        felt /= unit[own]
+        found = np.linalg.eigh(felt.T @ felt)[1][:, : -MOST_DIRECTIONS - 1 : -1].T
+        directions[of, own], back[of, own] = found / unit[own], found * unit[own]
+    return directions, back.T, layout
 
 
 def _whitened(
     tracks: Tracks,
     spacing: float,
     held_out: HeldOut | None,
-    material: Material,
     white: WhiteNoise,
     resolution: np.ndarray,
+    directions: np.ndarray,
+    back: np.ndarray,
+    layout: ChannelLayout,
+    material: Material,
 ) -> WhitenedScan:
     """A scan of a material, whitened; its channels have the ``resolution`` (C,), V."""
-    number, layout, pitch = tracks.number, tracks.scene.layout, tracks.pitch
-    level = np.array([np.median(tracks.strain[own], axis=0) for own in tracks.slices])
-    differences = _differences(tracks.strain - level[number], held_out, spacing, Material(1.0), pitch)
+    number, pitch = tracks.number, tracks.pitch
+    felt, resolution = tracks.strain @ directions.T, np.sqrt(np.square(directions) @ resolution**2)
+    level = np.array([np.median(felt[own], axis=0) for own in tracks.slices])
+    differences = _differences(felt - level[number], held_out, spacing, Material(1.0), pitch)
     first = _whitening(differences, resolution, layout, Material(1.0))
-    flat = [_featureless_strain(tracks.strain[own] @ first.T) for own in tracks.slices]
-    level = np.array(flat) @ np.linalg.inv(first).T
+    level = np.array([_featureless_strain(tracks.strain[own], felt[own] @ first.T) for own in tracks.slices])
     # The less of a sweep is featureless, the less is known of its level.
     turning = _turning(level, tracks)
     offsets = level - np.outer(_yaws(tracks), turning)
     centre = offsets.mean(axis=0)
-    strain = tracks.strain - material.mixed(level, centre)[number]
+    strain = (tracks.strain - material.mixed(level, centre)[number]) @ directions.T
     differences = _differences(strain, held_out, spacing, material, pitch)
-    whitening = _whitening(differences, resolution, layout, material)
+    square = _whitening(differences, resolution, layout, material)
+    whitening, inverse = square @ directions, back @ np.linalg.inv(square)
+    left_out = np.eye(len(centre)) - inverse @ whitening
     noise = NoiseModel(
         layout,
         centre,
         whitening,
-        np.array([np.log(np.diag(whitening)[own]).sum() for own in layout.slices]),
+        inverse,
+        np.square(inverse).sum(axis=1) + np.square(left_out) @ white.variance[0],
+        np.array([np.log(np.diag(square)[own]).sum() for own in layout.slices]),
         material.session_ratio * _offset_variance(offsets @ whitening.T, layout),
         material.sheet * whitening @ turning,
         white,
     )
-    strain = strain @ whitening.T
-    kept = material.mixed(_kept(strain, tracks), _reproducible_fraction(strain, held_out, material, pitch))
+    strain = strain @ square.T
+    kept = material.mixed(
+        _kept(strain, layout, tracks), _reproducible_fraction(strain, held_out, material, pitch)
+    )
     offsets = material.sheet * (offsets - centre)
     return WhitenedScan(tracks, spacing, held_out, material, noise, offsets, strain, kept * strain)
 
@@ -241,17 +274,19 @@ def _resolution(strain: np.ndarray) -> np.ndarray:
     return np.maximum(np.where(np.isfinite(smallest), smallest, 0.0), floor)
 
 
-def _featureless_strain(strain: np.ndarray) -> np.ndarray:
-    """Mean (C,) of the stretch of a sweep that varies least."""
+def _featureless_strain(strain: np.ndarray, whitened: np.ndarray) -> np.ndarray:
+    """Mean (C,) of a sweep's ``strain`` (n, C) over the stretch that, ``whitened`` (n, W), varies least."""
     width = max(3, round(_FEATURELESS_STRETCH * len(strain)))
+    middle = np.median(strain, axis=0)
     if len(strain) <= width:
-        return np.asarray(np.median(strain, axis=0))
-    middle = np.median(strain, axis=0)  # in squares of a large offset the signal would be lost
-    deviation = np.vstack([np.zeros(strain.shape[1]), strain - middle])
+        return np.asarray(middle)
+    # In squares of a large offset the signal would be lost.
+    whitened = whitened - np.median(whitened, axis=0)
+    deviation = np.vstack([np.zeros(whitened.shape[1]), whitened])
     sums, squares = np.cumsum(deviation, axis=0), np.cumsum(deviation**2, axis=0)
-    mean = (sums[width:] - sums[:-width]) / width
-    variance = (squares[width:] - squares[:-width]) / width - mean**2
-    return np.asarray(middle + mean[variance.sum(axis=1).argmin()])
+    variance = (squares[width:] - squares[:-width]) / width - ((sums[width:] - sums[:-width]) / width) ** 2
+    start = int(variance.sum(axis=1).argmin())
+    return np.asarray(middle + (strain[start : start + width] - middle).mean(axis=0))
 
 
 def _yaws(tracks: Tracks) -> np.ndarray:
@@ -304,18 +339,18 @@ def bounded(values: np.ndarray) -> np.ndarray:
     return np.asarray(values * np.minimum(1.0, longest / np.maximum(length, 1e-300)))
 
 
-def _kept(strain: np.ndarray, tracks: Tracks) -> np.ndarray:
-    """Deviations (n, C) shrunk by the noise in their energy (James and Stein, 1961).
+def _kept(strain: np.ndarray, layout: ChannelLayout, tracks: Tracks) -> np.ndarray:
+    """Deviations (n, W) shrunk by the noise in their energy (James and Stein, 1961).
 
     Featureless places become exactly equal, and carry no information on the position (paper, III-D). Outside
     the feature's region, if the scene gives one, deviations are set to zero.
     """
     scene = tracks.scene
-    energy = scene.layout.mean(_smoothed(strain**2, tracks.slices, _points(_SMOOTHING, tracks)))
+    energy = layout.mean(_smoothed(strain**2, tracks.slices, _points(_SMOOTHING, tracks)))
     kept = np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0)
     if scene.feature is not None:
         kept = kept * phalanges_on_feature(scene, tracks.positions)
-    return np.asarray(scene.layout.expand(kept))
+    return np.asarray(layout.expand(kept))
 
 
 def _points(length: float, tracks: Tracks) -> int:

@@ -72,7 +72,7 @@ class SweepMixture:
         # A product with these rows sums over the channels of each phalanx.
         self._sums = layout.expand(np.eye(layout.phalanges, dtype=np.float32))
         self._components = self._distinct(strain_map)
-        self.excess = np.zeros(layout.size)
+        self.excess = np.zeros(len(noise.centre))
         self._transform: np.ndarray | None = None
 
     def _distinct(self, strain_map: StrainMap) -> _Components:
@@ -145,9 +145,9 @@ class SweepMixture:
         """A strain vector (C,), V, in whitened coordinates."""
         return self.noise.whitened(strain).clip(-_LARGEST_STRAIN, _LARGEST_STRAIN)
 
-    def in_volts(self, whitened: np.ndarray) -> np.ndarray:
-        """The strain vector (C,), V, of a whitened one."""
-        return np.asarray(np.linalg.solve(self.noise.whitening, whitened)) + self.noise.centre
+    def in_volts(self, strain: np.ndarray, whitened: np.ndarray) -> np.ndarray:
+        """A strain vector (C,), V, moved to where it is ``whitened`` (W,)."""
+        return strain + self.noise.inverse @ (whitened - self.noise.whitened(strain))
 
     def expected(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Nodes (N,) nearest to places (N, d), and the whitened strain there (N, C), first component."""

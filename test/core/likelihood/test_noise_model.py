@@ -81,6 +81,21 @@ def test_a_sweep_is_whitened_anew_by_the_sum_of_the_covariances() -> None:
     np.testing.assert_allclose(noisier, np.eye(8), atol=1e-6)
 
 
+def test_of_many_channels_the_directions_in_which_the_scan_differs_are_left() -> None:
+    """Whatever the unit of one of them."""
+    scene = replace(SHEET, phalanges=(Phalanx("index", (0.0, 0.0), 40), Phalanx("thumb", (0.0, 0.0), 3)))
+    unit = np.where(np.arange(43) == 5, 1e-3, 1.0)
+    made = bump_scan(scene)
+    plain, scaled = (whiten(replace(made, strain=made.strain * by), scene) for by in (1.0, unit))
+    assert plain.noise.layout.counts == (8, 3)
+    np.testing.assert_allclose(plain.noise.whitening @ plain.noise.inverse, np.eye(11), atol=1e-9)
+    at = np.linalg.norm(plain.tracks.positions - 0.025, axis=1).argmin()
+    felt, peak = 30.0 * np.linspace(-1.0, 1.0, 43), plain.signal[at]
+    np.testing.assert_allclose(plain.noise.whitening @ felt, peak, atol=0.1 * np.linalg.norm(peak))
+    np.testing.assert_allclose(np.linalg.norm(scaled.signal[at]), np.linalg.norm(peak), rtol=0.02)
+    np.testing.assert_allclose(scaled.noise.variance, plain.noise.variance * unit**2, rtol=0.1)
+
+
 def test_the_volume_is_the_determinant_of_the_whitening() -> None:
     model = as_cloth(cloth()).noise
     assert model.log_volume.sum() == pytest.approx(np.linalg.slogdet(model.whitening)[1])

@@ -145,5 +145,5 @@ def test_outliers_have_a_finite_mixture_density(strain: float) -> None:
 
 
 def test_a_whitened_strain_is_that_of_its_volts() -> None:
-    model, volts = mixture((3, 5)), np.random.default_rng(0).standard_normal(8)
-    np.testing.assert_allclose(model.in_volts(model.whitened(volts)), volts)
+    model, (felt, volts) = mixture((3, 5)), np.random.default_rng(0).standard_normal((2, 8))
+    np.testing.assert_allclose(model.in_volts(felt, model.whitened(volts)), volts)

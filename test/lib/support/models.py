@@ -35,6 +35,8 @@ def noise_model(
         layout,
         np.full(size, centre),
         np.eye(size) / width,
+        np.eye(size) * width,
+        np.full(size, width**2),
         -np.log(width) * np.array(layout.counts),
         np.full(size, offset_variance),
         np.broadcast_to(turning, size),
