@@ -68,13 +68,13 @@ test-socketcan: build ## Test the driver on CAN sockets, in a kernel of its own 
 	@test/socketcan/in_can_kernel $(run) python -m pytest -p no:cacheprovider -rs test/socketcan || [ $$? = 77 ]
 
 .PHONY: test-fast
-test-fast: build ## Run the tests of core, streams and io that need neither processes nor more than ten seconds
-	$(run) python -m pytest --numprocesses auto --dist worksteal -m "not slow and not ros" test/core test/streams test/io
+test-fast: build ## Run the tests of core, paper, streams and io that need neither processes nor more than ten seconds
+	$(run) python -m pytest --numprocesses auto --dist worksteal -m "not slow and not ros" test/core test/paper test/streams test/io
 
 .PHONY: coverage
-coverage: build ## List the branches of core, streams and io that no test takes; fails below 95 %
-	$(run) python -m pytest $(foreach room,core streams io,--cov=tactile_localizer.$(room)) --cov-branch \
-		--cov-fail-under=95 --cov-report=term-missing:skip-covered test/core test/streams test/io test/cli test/test_scene.py
+coverage: build ## List the branches of core, paper, streams and io that no test takes; fails below 95 %
+	$(run) python -m pytest $(foreach room,core paper streams io,--cov=tactile_localizer.$(room)) --cov-branch \
+		--cov-fail-under=95 --cov-report=term-missing:skip-covered test/core test/paper test/streams test/io test/cli test/test_scene.py
 
 .PHONY: docs
 docs: build ## Write docs/parameters.md from the nodes

@@ -113,7 +113,7 @@ def measure_feature(
 
 def bare(scene: Scene, region: bool) -> Scene:
     """The scene without parameters of the measurement model, with ``region`` with its feature's region."""
-    return replace(scene, measurement={}, feature=scene.feature if region else None)
+    return replace(scene, feature=scene.feature if region else None)
 
 
 def totals(rows: Sequence[Row]) -> list[Row]:

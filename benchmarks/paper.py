@@ -34,13 +34,6 @@ from tactile_localizer.scene import Scene
 from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_scan
 from tactile_localizer.sim.material import SIMULATED_FEATURES
 
-PAPER_PARAMETERS = {
-    "position_std": 0.0254 * float(np.sqrt(0.0075)),
-    "strain_std": float(np.sqrt(0.001)),
-    "correlation_length": Configuration().update_distance,
-}
-"""The paper's hand-set widths (III-C), m and V; no tempering."""
-
 GAUSSIAN, INDEPENDENT, SUM, FEATURELESS = (
     "gaussian",
     "gaussian_independent",
@@ -55,12 +48,17 @@ _PAPER_FILTER = Configuration(
     particles=75,
     random_particles=10,
     resample_below=1.0,
-    conditional=False,
 )
+_MODELS = {
+    GAUSSIAN: "paper_models:PaperGaussian",
+    INDEPENDENT: "paper_models:PaperIndependent",
+    SUM: "paper_models:PaperSum",
+    FEATURELESS: "paper_models:PaperFeatureless",
+}
 METHODS = {
     "default": Configuration(),
-    **{model: replace(_PAPER_FILTER, model=model) for model in (GAUSSIAN, INDEPENDENT, SUM, FEATURELESS)},
-    **{model + EXACT: Configuration(model=model, conditional=False) for model in (SUM, FEATURELESS)},
+    **{name: replace(_PAPER_FILTER, model=model) for name, model in _MODELS.items()},
+    **{name + EXACT: Configuration(model=_MODELS[name]) for name in (SUM, FEATURELESS)},
 }
 BINS = 40
 """Bins along the sweeps in which errors and variances are averaged."""
@@ -121,17 +119,17 @@ class Finding(NamedTuple):
 def localize(feature: str, seed: int, sweeps: int) -> list[Row]:
     """A row for each method and sweep over the feature, or sweep that ends before it."""
     scene, scan = shipped_scene(feature), simulate_scan(feature, seed)
-    calibration = learn(scan, replace(scene, measurement={}))
+    calibration = learn(scan, scene)
     rows = []
     for method, configuration in METHODS.items():
-        parameters = {} if method == "default" else PAPER_PARAMETERS
-        own = replace(scene, measurement=parameters)
         rng = np.random.default_rng(seed)
-        localizer = build_localizer(scan, own, configuration, rng, calibration=calibration)
+        localizer = build_localizer(scan, scene, configuration, rng, calibration=calibration)
         for reach in (True, False):
             test = simulate_recording(feature, seed, "test", sweeps=sweeps, reach_feature=reach)
             for sweep in replay(localizer, test):
-                rows.append({"feature": feature, "method": method, "blank": not reach, **outcome(own, sweep)})
+                rows.append(
+                    {"feature": feature, "method": method, "blank": not reach, **outcome(scene, sweep)}
+                )
     return rows
 
 

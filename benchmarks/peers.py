@@ -24,8 +24,8 @@ from filterpy.monte_carlo import systematic_resample
 from scipy.spatial.distance import cdist
 
 from tactile_localizer.core.filters.particle import ParticleFilter
-from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.paper.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.scene import Scene
 
 POSITION_STD = 0.0254 * math.sqrt(0.0075)

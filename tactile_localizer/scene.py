@@ -6,10 +6,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -143,14 +142,12 @@ class Scene:
     axes : one to three axes, in the order of the state vector
     phalanges : the tactile sensors in use, in the order of the strain vector
     feature : region of the feature, in phalanx positions; ``None``: not known
-    measurement : parameters of the measurement model, by name (:class:`.ModelParameters`)
     """
 
     name: str
     axes: tuple[Axis, ...]
     phalanges: tuple[Phalanx, ...]
     feature: Region | None = None
-    measurement: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.axes) <= 3:

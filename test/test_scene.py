@@ -20,7 +20,6 @@ GOOD: dict[str, Any] = {
     "axes": {"x": {"bounds": [0.0, 0.1], "motion_std": 0.002}, "yaw": {"bounds": [-0.5, 0.5]}},
     "phalanges": {"index": {"offset": {"x": 0.01}}, "thumb": None},
     "feature": {"x": [0.02, 0.05]},
-    "measurement": {"strain_std": 0.03},
 }
 INVALID = [
     ("axis: {}", "scene: expected one of name, axes, .*, got 'axis'"),
@@ -51,16 +50,6 @@ INVALID = [
     ("feature: {x: [0.04, 0.01]}", r"feature x: expected lower < upper, got \[0.04, 0.01\]"),
     ("feature: {x: [.nan, 0.01]}", "feature x: expected a number, got nan"),
     ("feature: {y: [0, 1]}", "feature: expected one of x, yaw, got 'y'"),
-    ("measurement: {position_std: wide}", "measurement position_std: expected a"),
-    ("measurement: {position_std: [1, 1, 1]}", "measurement position_std: expected one number or 2, got 3"),
-    ("measurement: {position_std: 1e300}", "measurement position_std: expected 1e-12 to 1000"),
-    ("measurement: {strain_std: [[1]]}", "measurement strain_std: expected a"),
-    ("measurement: {strain_std: [1, 2, 3]}", "measurement strain_std: expected one number or 16, got 3"),
-    ("measurement: {strain_std: -1}", "measurement strain_std: expected 1e-12 to 1e"),
-    ("measurement: {strain_std: .nan}", "measurement strain_std: expected a finite number, got nan"),
-    ("measurement: {neighbours: 2.5}", "measurement neighbours: expected a whole number, got 2.5"),
-    ("measurement: {neighbours: 0}", "measurement neighbours: expected 1 to 10000, got 0"),
-    ("measurement: {wide: 1}", "measurement 'wide': expected one of position_std"),
 ]
 
 
@@ -102,14 +91,12 @@ def test_numbers_may_have_an_exponent_and_a_full_turn_wraps(tmp_path: Path) -> N
         axes: {x: {bounds: [-5e-3, .5], motion_std: 3e-3}, yaw: {bounds: [-3.1416, 3.1416]}}
         phalanges: {index: {offset: {x: 1e-2}}, thumb: {}}
         feature: {yaw: [-.inf, 0.8]}
-        measurement: {position_std: [3e-3, .1], strain_std: 2e-2, neighbours: 8}
         """
     )
     scene = load_scene(path)
     assert (scene.axes[0].lower, scene.axes[0].upper, scene.axes[0].motion_std) == (-0.005, 0.5, 0.003)
     assert scene.wraps.tolist() == [False, True]
     assert scene.feature == Region((-math.inf, -math.inf), (math.inf, 0.8))
-    assert scene.measurement == {"position_std": [0.003, 0.1], "strain_std": 0.02, "neighbours": 8}
 
 
 def test_cells_are_counted_before_they_are_allocated() -> None:
@@ -119,10 +106,6 @@ def test_cells_are_counted_before_they_are_allocated() -> None:
     ):
         sheet.cells(0.002)
     assert sheet.cells(1.0).tolist() == [66, 66]
-
-
-def test_widths_of_strain_in_counts_may_be_large() -> None:
-    assert scene_from_dict({**GOOD, "measurement": {"strain_std": 25e3}}).measurement == {"strain_std": 25e3}
 
 
 def test_an_infinite_bound_of_a_region_is_no_limit() -> None:

@@ -6,10 +6,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.special import gammaln
 
-from tactile_localizer.core.likelihood.base import MeasurementModel, checked
-from tactile_localizer.core.likelihood.sum_of_gaussians import training_pairs
-from tactile_localizer.core.parameters import ModelParameters
+from tactile_localizer.core.likelihood.base import MeasurementModel, checked, training_pairs
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.paper.kernel_widths import kernel_widths
 from tactile_localizer.scene import Scene
 
 FREEDOM = 4.0
@@ -19,10 +18,9 @@ FREEDOM = 4.0
 class NearestStudent(MeasurementModel):
     """Each phalanx's strain has a Student-t density about the strain of the nearest training pair."""
 
-    def __init__(self, scan: Scan, scene: Scene, parameters: ModelParameters) -> None:
+    def __init__(self, scan: Scan, scene: Scene) -> None:
         positions, self._strain = training_pairs(scan, scene)
-        self._position_std = np.broadcast_to(parameters.position_std, scene.dimension)
-        self._strain_std = np.broadcast_to(parameters.strain_std, self._strain.shape[1])
+        self._position_std, self._strain_std = kernel_widths(scan, scene)
         self._tree = cKDTree(positions / self._position_std)
         self._layout = scene.layout
         channels = np.array(self._layout.counts)

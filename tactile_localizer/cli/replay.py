@@ -26,7 +26,7 @@ from tactile_localizer.cli.recordings import (
     scan_from_arguments,
 )
 from tactile_localizer.cli.tables import print_table
-from tactile_localizer.core.configuration import FILTERS, MODELS
+from tactile_localizer.core.configuration import FILTERS, SWEEP_MIXTURE
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.core.scan.scan import Scan
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scan_arguments(parser)
     text = f"preset ({', '.join(PRESETS)}) or YAML file; the other options override it"
     parser.add_argument("--config", metavar="PRESET", help=text)
-    text = f"{', '.join(MODELS)}, or a user-defined model as module:Class"
+    text = f"{SWEEP_MIXTURE} (default), or module:Class, such as tactile_localizer.paper:SumOfGaussians"
     parser.add_argument("--model", metavar="MODEL", help=text)
     parser.add_argument("--filter", choices=FILTERS, help="Bayes filter (default: grid, which is exact)")
     add_seed_argument(parser)

@@ -14,7 +14,6 @@ from tactile_localizer.quantity import is_number, number, whole_number
 
 SWEEP_MIXTURE = "sweep_mixture"
 """The default model, which learns its noise from the scan (:mod:`.sweep_mixture`)."""
-MODELS = (SWEEP_MIXTURE, "sum_of_gaussians", "gaussian", "gaussian_independent", "featureless")
 FILTERS = ("grid", "particle")
 
 RANGES: dict[str, tuple[float, float]] = {
@@ -37,13 +36,12 @@ class Configuration:
 
     Parameters
     ----------
-    model : measurement model, one of :data:`MODELS`, or a user-defined one as ``module:Class``
-        (:mod:`.user_defined`)
+    model : :data:`SWEEP_MIXTURE`, or another measurement model for the position as ``module:Class``
+        (:mod:`.user_defined`), such as the paper's in :mod:`tactile_localizer.paper`
     filter : one of :data:`FILTERS`; ``grid`` is exact but for the size of its cells
     particles : number of particles; 75 in the paper
     cell : size of the grid's cells in line spacings of the scan; on one axis cells are 0.5 mm, on three so
         large that there are at most 25,000
-    conditional : whether the sum of Gaussians is in conditional form, or in the paper's joint form
     resample_below : fraction of the particles below which the effective sample size leads to resampling; 1:
         at every update
     random_particles : number of particles replaced by uniformly random ones at every update; 10 in the paper
@@ -60,11 +58,10 @@ class Configuration:
         An unknown choice, or a number out of its range.
     """
 
-    model: str = "sweep_mixture"
+    model: str = SWEEP_MIXTURE
     filter: str = "grid"
     particles: int = 1000
     cell: float = 0.45
-    conditional: bool = True
     resample_below: float = 0.5
     random_particles: int = 0
     update_distance: float = 0.0005
@@ -74,9 +71,8 @@ class Configuration:
     convergence_travel: float = 0.001
 
     def __post_init__(self) -> None:
-        if self.model not in MODELS and SEPARATOR not in self.model:
-            known = ", ".join(MODELS)
-            raise ParameterError(f"model {self.model!r}: expected one of {known}, or module:Class")
+        if self.model != SWEEP_MIXTURE and SEPARATOR not in self.model:
+            raise ParameterError(f"model {self.model!r}: expected {SWEEP_MIXTURE} or module:Class")
         if self.filter not in FILTERS:
             raise ParameterError(f"filter {self.filter!r}: expected one of {', '.join(FILTERS)}")
         for name, (lower, upper) in RANGES.items():

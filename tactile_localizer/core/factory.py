@@ -19,9 +19,8 @@ from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.likelihood.base import MeasurementModel
-from tactile_localizer.core.likelihood.user_defined import SEPARATOR, build_own_model
+from tactile_localizer.core.likelihood.user_defined import build_named_model
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.plausibility import still_travel
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
@@ -146,26 +145,6 @@ def convergence_criteria(scene: Scene, configuration: Configuration) -> Converge
     )
 
 
-def build_model(
-    scan: Scan, scene: Scene, configuration: Configuration, parameters: ModelParameters
-) -> MeasurementModel:
-    """The kernel, Gaussian or user-defined measurement model that ``configuration`` names."""
-    # Imported here because they take half a second, which the default model saves.
-    from tactile_localizer.core.likelihood.featureless import Featureless
-    from tactile_localizer.core.likelihood.gaussian import Gaussian
-    from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
-
-    if SEPARATOR in configuration.model:
-        return build_own_model(configuration.model, scan, scene, parameters)
-    if configuration.model in ("gaussian", "gaussian_independent"):
-        independent = configuration.model == "gaussian_independent"
-        return Gaussian(scan, scene, parameters.neighbours, independent=independent)
-    widths = (parameters.position_std, parameters.strain_std)
-    if configuration.model == "featureless":
-        return Featureless(scan, scene, *widths)
-    return SumOfGaussians(scan, scene, *widths, conditional=configuration.conditional)
-
-
 def _silent(_doing: str, _done: float) -> None:
     """Report nothing."""
 
@@ -177,13 +156,9 @@ def _position_model(
     if configuration.model == SWEEP_MIXTURE:
         return None
     without = _without_offsets(scan, scene, learned.scan.offsets)
-    parameters = ModelParameters.from_mapping(scene.measurement)
-    if parameters.position_std is None or parameters.strain_std is None:
-        from tactile_localizer.core.calibration.kernel_widths import choose_kernel_widths  # as above
-
-        parameters = choose_kernel_widths(without, scene, parameters)
-    model = build_model(without, scene, configuration, parameters)
-    return model, parameters.correlation_length or calibration.examination.information_length
+    model = build_named_model(configuration.model, without, scene)
+    own_length = getattr(model, "information_length", None)
+    return model, own_length or calibration.examination.information_length
 
 
 def _without_offsets(scan: Scan, scene: Scene, offsets: np.ndarray) -> Scan:

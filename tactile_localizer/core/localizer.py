@@ -116,7 +116,7 @@ class Localizer:
     scene : what is modelled
     bayes_filter : a particle or grid filter over that scene
     model : what a place feels like
-    position_model : one of the paper's models, or a user-defined one, for the position; ``None``: ``model``
+    position_model : another measurement model for the position; ``None``: ``model``
     convergence : decides when the position has converged
     update_distance : m of travel between two measurement updates
     information_length : m of travel per independent measurement

@@ -2,7 +2,6 @@
 
 A file contains the values that differ from the defaults::
 
-    model: sum_of_gaussians
     filter: particle
     particles: 75
 """

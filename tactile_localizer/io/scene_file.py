@@ -11,7 +11,6 @@ from typing import Any
 import yaml
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.errors import ParameterError, ScanError, SceneError
 from tactile_localizer.io.whole_file import whole_file
 from tactile_localizer.io.yaml_file import load_yaml, mapping
@@ -21,7 +20,7 @@ from tactile_localizer.scene import DEFAULT_MOTION_STD, Axis, Phalanx, Region, S
 
 _MAX_NAME_CHARACTERS = 100
 
-_KEYS = ("name", "axes", "phalanges", "feature", "measurement")
+_KEYS = ("name", "axes", "phalanges", "feature")
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -71,11 +70,9 @@ def scene_from_dict(content: Any) -> Scene:
         A key is missing or unknown, or a value is of the wrong kind.
     """
     try:
-        scene = _scene(content)
-        ModelParameters.of_scene(scene)
+        return _scene(content)
     except ParameterError as error:
         raise SceneError(str(error)) from None
-    return scene
 
 
 def _scene(content: Any) -> Scene:
@@ -93,7 +90,6 @@ def _scene(content: Any) -> Scene:
         axes=axes,
         phalanges=tuple(_phalanx(_name(name, "phalanx"), value, names) for name, value in phalanges),
         feature=feature,
-        measurement=dict(mapping(top.get("measurement") or {}, "measurement")),
     )
 
 
@@ -118,7 +114,7 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
         limits = zip(axes, scene.feature.lower, scene.feature.upper, strict=True)
         finite = [each for each in limits if math.isfinite(each[1]) or math.isfinite(each[2])]
         content["feature"] = {name: [float(low), float(high)] for name, low, high in finite}
-    return content | ({"measurement": dict(scene.measurement)} if scene.measurement else {})
+    return content
 
 
 def _name(value: Any, what: str) -> str:

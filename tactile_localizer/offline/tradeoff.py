@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from tactile_localizer.core.calibration.calibration import Calibration
-from tactile_localizer.core.configuration import MODELS, SWEEP_MIXTURE, Configuration
+from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
@@ -90,7 +90,7 @@ class Trade:
 def candidates(scene: Scene) -> list[Candidate]:
     """Default, presets, and configurations that the scene can have, without those that would be the same.
 
-    They vary model, filter, cell (on one axis it is fixed), particles and update distance.
+    They vary filter, cell (on one axis it is fixed), particles and update distance.
     """
     default = Configuration()
     varied = {name: named_configuration(name) for name in (DEFAULT, *PRESETS)}
@@ -102,9 +102,6 @@ def candidates(scene: Scene) -> list[Candidate]:
         for count in (300, 1000):
             changed = replace(default, filter="particle", particles=count, update_distance=step)
             varied[f"{count} particles, {step * 1e3:g} mm"] = changed
-    for model in MODELS:
-        if model != SWEEP_MIXTURE and (model != "featureless" or scene.feature):  # it models the region
-            varied[model] = replace(default, filter="particle", model=model)
     names: dict[Configuration, str] = {}
     for name, configuration in varied.items():
         cell = default.cell if scene.dimension == 1 else configuration.cell

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tactile_localizer.core.configuration import FILTERS, MODELS, RANGES, Configuration
+from tactile_localizer.core.configuration import FILTERS, RANGES, SWEEP_MIXTURE, Configuration
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
 from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, SYNCHRONIZATION
 
@@ -10,13 +10,12 @@ _DEFAULTS = Configuration()
 
 
 _DESCRIPTIONS = {
-    "model": f"Measurement model: {', '.join(MODELS)}, or a user-defined model as module:Class. "
-    "sweep_mixture is learned from the scan; the others use kernel widths from the scene, or choose them",
+    "model": f"Measurement model: {SWEEP_MIXTURE}, which is learned from the scan, or another one for the "
+    "position as module:Class",
     "filter": "Bayes filter: particle filter, or exact recursion on a grid",
     "particles": "Number of particles, 75 in the paper; for filter particle",
     "cell": "Resolution of map and grid, in multiples of the distance between sweeps; scenes with one axis "
     "use 0.5 mm instead, with three at most 25,000 cells",
-    "conditional": "Conditional form of model sum_of_gaussians; false for the joint form of the paper",
     "resample_below": "Resample when the effective sample size falls below this fraction of the number of "
     "particles, for filter particle",
     "random_particles": "Number of particles replaced by uniformly drawn ones at each update, 10 in the "

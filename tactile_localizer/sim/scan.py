@@ -69,7 +69,7 @@ def shipped_scene(feature: str, channels: Sequence[int] = ()) -> Scene:
         return scene
     phalanges = zip(scene.phalanges, channels, strict=True)
     counted = tuple(replace(phalanx, channels=count) for phalanx, count in phalanges)
-    return replace(scene, name=feature, phalanges=counted, measurement={})
+    return replace(scene, name=feature, phalanges=counted)
 
 
 def simulate_recording(

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.bags import pose, strain, write_bag
-from support.sweeps import scene_of
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.sim import shipped_scene
 
 COMMAND = "replay test.csv --scan bump_scan --scene scene.yaml --filter grid --seed 1"
 
@@ -24,7 +24,7 @@ COMMAND = "replay test.csv --scan bump_scan --scene scene.yaml --filter grid --s
 def bump_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with ``scene.yaml``, ``train.csv``, ``test.csv`` (two sweeps) and ``bump_scan``."""
     folder = tmp_path_factory.mktemp("bump")
-    save_scene(scene_of(), folder / "scene.yaml")
+    save_scene(shipped_scene("bump"), folder / "scene.yaml")
     assert run(f"simulate bump -o {folder} --test 2") == 0
     assert run(f"import csv {folder}/train.csv --scene {folder}/scene.yaml -o {folder}/bump_scan") == 0
     return folder

@@ -13,7 +13,6 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
-from support.sweeps import scene_of
 
 from tactile_localizer import Configuration, Recording, __version__, load_scan, make_localizer
 from tactile_localizer.cli import main
@@ -25,6 +24,7 @@ from tactile_localizer.offline.replay_document import replay_document
 from tactile_localizer.offline.reports.replay import replay_report
 from tactile_localizer.offline.verdict import judge
 from tactile_localizer.scene import Axis, Phalanx, Scene
+from tactile_localizer.sim import shipped_scene
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
@@ -56,7 +56,7 @@ def run(arguments: str) -> int:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with a scan, a recording of three sweeps, and the reports of both."""
     folder = tmp_path_factory.mktemp("reports")
-    save_scene(scene_of(), folder / "scene.yaml")
+    save_scene(shipped_scene("bump"), folder / "scene.yaml")
     for command in (
         f"simulate bump -o {folder} --test 3",
         f"import csv {folder}/train.csv --scene {folder}/scene.yaml -o {folder}/bump_scan",
@@ -172,7 +172,7 @@ def test_any_scene_and_name_can_be_reported(
 
 
 def test_without_a_truth_the_report_says_that_a_claim_may_be_wrong(folder: Path, tmp_path: Path) -> None:
-    sweeps = read_csv(folder / "test.csv", scene_of()).sweeps
+    sweeps = read_csv(folder / "test.csv", shipped_scene("bump")).sweeps
     scan, scene = load_scan(folder / "bump_scan")
     localizer = make_localizer(scan, scene, scan_file=folder / "bump_scan")
     recording = Recording("a_bag", tuple(replace(sweep, truth=None) for sweep in sweeps))

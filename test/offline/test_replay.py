@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from support.sweeps import CALIBRATION, scene_of
+from support.sweeps import CALIBRATION
 
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
@@ -16,9 +16,9 @@ from tactile_localizer.io.status import MISSING
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.odometry import travelled
 from tactile_localizer.offline.replay import replay
-from tactile_localizer.sim import simulate_recording, simulate_scan
+from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_scan
 
-SCENE, SCAN = scene_of(), simulate_scan("bump", 1)
+SCENE, SCAN = shipped_scene("bump"), simulate_scan("bump", 1)
 RECORDING = simulate_recording("bump", 1, "test", sweeps=2, rate=40.0)
 
 

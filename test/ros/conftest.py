@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.sweeps import scene_of, write_scan
+from support.sweeps import write_scan
 
 from tactile_localizer.io.scene_file import save_scene
+from tactile_localizer.sim import shipped_scene
 
 
 @pytest.fixture(scope="session")
@@ -29,7 +30,7 @@ def bus(simulated_can: dict[str, Any]) -> dict[str, Any]:
 @pytest.fixture
 def valid(bus: dict[str, Any], scan_file: Path, tmp_path: Path) -> dict[str, dict[str, Any]]:
     """Parameters with which each node can be configured, by its name."""
-    save_scene(scene_of(), tmp_path / "scene.yaml")
+    save_scene(shipped_scene("bump"), tmp_path / "scene.yaml")
     return {
         "adapter": {"adapter_file": "wrench.yaml"},
         "driver": {**bus, "tare_file": tmp_path / "tare.yaml"},

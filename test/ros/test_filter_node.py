@@ -9,7 +9,6 @@ import pytest
 from support.filter import CELL, Filter
 from support.sweeps import (
     SlidingHand,
-    scene_of,
     unseen_sweep,
     write_scan,
 )
@@ -17,6 +16,7 @@ from support.sweeps import (
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Phalanx
+from tactile_localizer.sim import shipped_scene
 
 pytestmark = pytest.mark.ros
 
@@ -46,7 +46,7 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
 
     directory = tmp_path / "scans"
     directory.mkdir()
-    other = scene_of("snap")
+    other = shipped_scene("snap")
     write_scan(directory / "snap_scan", "snap", other)
     (directory / "link_scan").symlink_to(scan_file)
     (directory / "loop_scan").symlink_to("loop_scan")
@@ -164,7 +164,7 @@ def test_each_configuration_field_is_a_parameter():
         ({"scan_file": ""}, "scan_file: expected a path, got none"),
         ({"scene_file": "none.yaml"}, "none.yaml: expected a scene file"),
         ({"random_particles": 10}, "random_particles: expected 0 with filter grid, got 10"),
-        ({"model": "oracle"}, "model 'oracle': expected one of sweep_mixture"),
+        ({"model": "oracle"}, "model 'oracle': expected sweep_mixture or module:Class"),
         ({"particles": -1}, "particles"),
         ({"material_pose": [1.0, 2.0]}, "material_pose: expected x, y, z, roll, pitch, yaw"),
     ],
@@ -175,7 +175,7 @@ def test_an_invalid_configuration_is_rejected_in_one_line(refusal, scan_file, pa
 
 
 def test_a_scene_with_another_phalanx_is_rejected(refusal, scan_file, tmp_path):
-    scene = scene_of()
+    scene = shipped_scene("bump")
     scene = dataclasses.replace(scene, phalanges=(*scene.phalanges, Phalanx("ring", (0.0, -0.03))))
     save_scene(scene, tmp_path / "scene.yaml")
     (line,) = refusal("filter_node", {"scan_file": scan_file, "scene_file": tmp_path / "scene.yaml", **CELL})

@@ -4,14 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
-from support.sweeps import scene_of, unseen_sweep
+from support.sweeps import unseen_sweep
 
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import shipped_scene, simulate_scan
 from tactile_localizer.streams.synchronization import Pairing
 
 MS = 1_000_000
@@ -23,12 +23,13 @@ def localizer():
     scan = simulate_scan("bump", seed=1)
     configuration = Configuration(cell=1.0)
     calibration = Calibration(np.array([0.0004, 0.0004]))
-    return build_localizer(scan, scene_of(), configuration, np.random.default_rng(0), None, calibration)
+    scene, rng = shipped_scene("bump"), np.random.default_rng(0)
+    return build_localizer(scan, scene, configuration, rng, None, calibration)
 
 
 @pytest.fixture(scope="module")
 def known():
-    return ScanRange.of(simulate_scan("bump", seed=1), scene_of())
+    return ScanRange.of(simulate_scan("bump", seed=1), shipped_scene("bump"))
 
 
 class Stream(OnlineLocalizer):

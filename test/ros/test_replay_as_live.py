@@ -12,7 +12,7 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 from support.bags import START, pose, strain, write_bag
-from support.sweeps import CALIBRATION, scene_of, stamp_of, unseen_sweep
+from support.sweeps import CALIBRATION, stamp_of, unseen_sweep
 
 from tactile_localizer.cli import main
 from tactile_localizer.core.configuration import Configuration
@@ -25,7 +25,7 @@ from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import shipped_scene, simulate_scan
 from tactile_localizer.streams.synchronization import Pairing
 
 pytestmark = pytest.mark.ros
@@ -120,7 +120,7 @@ def test_replay_equals_the_live_filter(
 
 
 def test_a_clock_that_is_set_back_resets_the_belief_in_a_replay_as_live(tmp_path: Path) -> None:
-    sweep, scan, scene = unseen_sweep(rate=50.0), simulate_scan("bump", 1), scene_of()
+    sweep, scan, scene = unseen_sweep(rate=50.0), simulate_scan("bump", 1), shipped_scene("bump")
     first = [
         ("strain", 20 * k, strain(9000 + 20 * k, ("index", "middle"), strain=sweep.strain[k]))
         for k in range(200)

@@ -19,7 +19,11 @@ _LARGEST = 1e100
 
 @runtime_checkable
 class MeasurementModel(Protocol):
-    """P(z | x), built from a scan and a scene."""
+    """P(z | x), built from a scan and a scene.
+
+    A model may have an attribute ``information_length``, m of travel per independent measurement; without
+    it, that of the scan's examination holds.
+    """
 
     def log_likelihood(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None

@@ -1,4 +1,4 @@
-"""User-defined measurement models, named ``module:Class``."""
+"""Measurement models outside of the core, named ``module:Class``: the paper's, or a user's."""
 
 from __future__ import annotations
 
@@ -6,22 +6,21 @@ import importlib
 from typing import Any
 
 from tactile_localizer.core.likelihood.base import MeasurementModel
-from tactile_localizer.core.parameters import ModelParameters
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Scene
 
 SEPARATOR = ":"
-"""Separates module and class in the name of a user-defined model."""
+"""Separates module and class in the name of a model."""
 
 
-def build_own_model(name: str, scan: Scan, scene: Scene, parameters: ModelParameters) -> MeasurementModel:
-    """Build a user-defined measurement model.
+def build_named_model(name: str, scan: Scan, scene: Scene) -> MeasurementModel:
+    """Build a measurement model from its name.
 
     Parameters
     ----------
     name : ``module:Class``, importable from Python's path
-    scan, scene, parameters : arguments of the class, in this order
+    scan, scene : arguments of the class, in this order
 
     Raises
     ------
@@ -41,9 +40,9 @@ def build_own_model(name: str, scan: Scan, scene: Scene, parameters: ModelParame
             f"model {name!r}: expected a class {class_name} in {module_name}, found {made!r:.80}"
         )
     try:
-        model = made(scan, scene, parameters)
+        model = made(scan, scene)
     except TypeError as error:
-        raise ParameterError(f"model {name!r}: expected arguments scan, scene, parameters, {error}") from None
+        raise ParameterError(f"model {name!r}: expected arguments scan, scene, {error}") from None
     if not isinstance(model, MeasurementModel):
         raise ParameterError(f"model {name!r}: expected a measurement model, got {type(model).__name__}")
     return model

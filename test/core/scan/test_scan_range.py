@@ -4,18 +4,18 @@ import dataclasses
 
 import numpy as np
 import pytest
-from support.sweeps import scene_of, unseen_sweep
+from support.sweeps import unseen_sweep
 
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.scene import Axis
-from tactile_localizer.sim import simulate_scan
+from tactile_localizer.sim import shipped_scene, simulate_scan
 
 ALL = np.ones(2, dtype=bool)
 
 
 @pytest.fixture(scope="module")
 def known() -> ScanRange:
-    return ScanRange.of(simulate_scan("bump", seed=1), scene_of())
+    return ScanRange.of(simulate_scan("bump", seed=1), shipped_scene("bump"))
 
 
 def test_a_new_sweep_is_within_the_range(known: ScanRange) -> None:
@@ -36,7 +36,7 @@ def test_an_absent_phalanx_does_not_count(known: ScanRange) -> None:
 
 def test_a_full_turn_axis_has_no_range() -> None:
     axes = Axis("x", 0.0, 0.05), Axis("yaw", -np.pi, np.pi)
-    scene = dataclasses.replace(scene_of(), axes=axes, feature=None, measurement={})
+    scene = dataclasses.replace(shipped_scene("bump"), axes=axes, feature=None)
     known = ScanRange.of(simulate_scan("bump", seed=1), scene)
     assert not known.positions_outside(np.array([0.01, 40.0]), np.zeros(2))
     assert known.positions_outside(np.array([0.06, 0.0]), np.zeros(2))

@@ -85,7 +85,6 @@ def test_the_digest_changes_with_scan_and_scene(path):
         digest_of(dataclasses.replace(scan, sweep=scan.sweep + 1), scene),
         digest_of(scan.select(np.arange(19)), scene),
         digest_of(scan, dataclasses.replace(scene, name="other")),
-        digest_of(scan, dataclasses.replace(scene, measurement={"neighbours": 7})),
         digest_of(scan, dataclasses.replace(scene, phalanges=scene.phalanges[:1])),
     ]
     assert len({digest_of(scan, scene), *others}) == 1 + len(others)

@@ -21,8 +21,6 @@ from tactile_localizer.scene import Scene
 from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_sweep
 
 START_NS = 1_700_000_000_000_000_000
-MEASUREMENT = {"position_std": [0.0012, 0.0015], "strain_std": 0.04, "correlation_length": 0.003}
-"""Kernel widths, so that tests of kernel models do not wait for their choice."""
 CALIBRATION = Calibration(
     np.array([0.0004, 0.0004]),
     VarianceModel(visit=0.21, signal=0.036, interpolation=0.18),
@@ -31,16 +29,11 @@ CALIBRATION = Calibration(
 """Calibration stored in the scans of the shipped scenes, so that tests do not wait for it."""
 
 
-def scene_of(feature: str = "bump", **measurement: Any) -> Scene:
-    """The shipped scene of a feature with measurement parameters in it."""
-    return dataclasses.replace(shipped_scene(feature), measurement=measurement or MEASUREMENT)
-
-
 def write_scan(
     path: Path, feature: str = "bump", scene: Scene | None = None, *, calibrated: bool = True
 ) -> None:
     """Write a training scan of the simulated hand, with a calibration or not."""
-    scene = scene or scene_of(feature)
+    scene = scene or shipped_scene(feature)
     with ScanWriter(path, scene) as writer:
         for number, sweep in enumerate(_simulated(feature).sweeps, start=1):
             writer.add(dataclasses.replace(sweep, number=number))

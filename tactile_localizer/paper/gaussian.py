@@ -8,10 +8,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.core.likelihood.background import Background
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, training_pairs
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.paper.background import Background
 from tactile_localizer.scene import Scene
 
 _HELD_OUT = 600
@@ -33,7 +33,7 @@ class Gaussian(MeasurementModel):
     ----------
     scan, scene : training pairs and scene
     neighbours : k; 8 in the paper. If there are fewer pairs, all of them
-    independent : whether the covariance between phalanges is zero (dashed line in the paper's Fig. 5)
+    independent : whether the covariance between phalanges is zero
 
     Raises
     ------
@@ -121,6 +121,13 @@ class Gaussian(MeasurementModel):
             neighbours = others[self._nearest(tree, places[own])]
             residuals.append(strain[own] - strain[neighbours].mean(axis=1))
         return np.concatenate(residuals)
+
+
+class IndependentGaussian(Gaussian):
+    """The same without covariance between the phalanges (dashed line in the paper's Fig. 5)."""
+
+    def __init__(self, scan: Scan, scene: Scene, neighbours: int = 8) -> None:
+        super().__init__(scan, scene, neighbours, independent=True)
 
 
 def ridge(covariance: np.ndarray, samples: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from scipy.special import softmax
 from support import densities
 from support.scans import scan, scene, strain_at
 
-from tactile_localizer.core.likelihood.sum_of_gaussians import SumOfGaussians
+from tactile_localizer.paper.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.scene import Axis, Phalanx, Scene
 from tactile_localizer.sim import simulate_recording, simulate_scan
 

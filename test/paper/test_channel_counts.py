@@ -12,19 +12,18 @@ from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 COUNTS = (19, 6, 1)
-GIVEN = {"position_std": 0.003, "strain_std": 0.06, "correlation_length": 0.001}
 
 
 def scene(counts=COUNTS, feature=None):
     fingers = tuple(Phalanx(f"finger {f}", (0.0, 0.01 * f), n) for f, n in enumerate(counts))
-    return Scene("test", axes(2), fingers, feature, GIVEN)
+    return Scene("test", axes(2), fingers, feature)
 
 
 @pytest.mark.parametrize("counts", [COUNTS, (6,)])
-@pytest.mark.parametrize("model", ["sum_of_gaussians", "gaussian", "gaussian_independent", "featureless"])
+@pytest.mark.parametrize("model", ["SumOfGaussians", "Gaussian", "IndependentGaussian", "Featureless"])
 def test_every_model_localizes_with_any_channels(counts, model):
-    of = scene(counts, Region((0.01, -np.inf), (0.04, np.inf)) if model == "featureless" else None)
-    configuration, rng = Configuration(model=model, filter="grid"), np.random.default_rng(1)
+    of = scene(counts, Region((0.01, -np.inf), (0.04, np.inf)) if model == "Featureless" else None)
+    configuration, rng = Configuration(model=f"tactile_localizer.paper:{model}"), np.random.default_rng(1)
     localizer = build_localizer(scan(np.random.default_rng(0), of, 800), of, configuration, rng)
     present = np.ones(len(counts), bool)
     for n in range(40):
@@ -38,9 +37,8 @@ def test_every_model_localizes_with_any_channels(counts, model):
 def test_the_level_of_a_sweep_does_not_move_the_position_of_another_model() -> None:
     """On featureless material before the bump it becomes known, and is subtracted."""
     of = Scene("sheet", axes(2), (Phalanx("finger", (0.0, 0.0), 4),))
-    localizer = build_localizer(
-        bump_scan(of, offsets=1.0), of, Configuration(model="sum_of_gaussians"), np.random.default_rng(0)
-    )
+    configuration = Configuration(model="tactile_localizer.paper:SumOfGaussians")
+    localizer = build_localizer(bump_scan(of, offsets=1.0), of, configuration, np.random.default_rng(0))
     way = np.column_stack([np.arange(0.002, 0.026, 0.0005), np.full(48, 0.024)])
     bump = 30.0 * np.exp(-0.5 * np.sum(((way - 0.025) / 0.004) ** 2, axis=1))[:, None]
     felt, ends = bump * np.linspace(-1.0, 1.0, 4), []

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, training_pairs
-from tactile_localizer.core.likelihood.kernel_density import KernelDensity
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.paper.kernel_density import KernelDensity
+from tactile_localizer.paper.kernel_widths import kernel_widths
 from tactile_localizer.scene import Scene
 
 
@@ -18,29 +19,34 @@ class SumOfGaussians(MeasurementModel):
     Parameters
     ----------
     scan, scene : training pairs and scene
-    position_std : square root of the diagonal of Sigma_x, one number or one per axis, m (yaw: rad)
-    strain_std : square root of the diagonal of Sigma_z, one number or one per channel, V
+    position_std : square root of the diagonal of Sigma_x, one number or one per axis, m (yaw: rad); ``None``:
+        chosen from the scan
+    strain_std : square root of the diagonal of Sigma_z, one number or one per channel, V; ``None``: the same
     conditional : divide by the density of the scan in x, correct for an uneven scan; ``False``: the
         paper's joint form with constant P(x)
 
     Raises
     ------
     ParameterError
-        A lattice too large for the memory.
+        A width out of its range, or a lattice too large for the memory.
     SceneError
         The scene names a phalanx that the scan does not have.
     """
 
     def __init__(
-        self, scan: Scan, scene: Scene, position_std: Any, strain_std: Any, conditional: bool = True
+        self,
+        scan: Scan,
+        scene: Scene,
+        position_std: Any = None,
+        strain_std: Any = None,
+        conditional: bool = True,
     ) -> None:
         positions, strain = training_pairs(scan, scene)
         self._layout = scene.layout
         self._density = KernelDensity(
             positions,
             strain,
-            np.broadcast_to(position_std, scene.dimension),
-            np.broadcast_to(strain_std, self._layout.size),
+            *kernel_widths(scan, scene, position_std, strain_std),
             scene.wraps,
             self._layout,
             conditional=conditional,

@@ -8,8 +8,8 @@ from scipy import stats
 from support import densities
 from support.scans import scan, scene, slides
 
-from tactile_localizer.core.likelihood.featureless import Featureless
 from tactile_localizer.errors import SceneError
+from tactile_localizer.paper.featureless import Featureless
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 SCENE = scene(2, 2, Region((0.02, -math.inf), (0.04, math.inf)))

@@ -14,8 +14,8 @@ from scipy.spatial.distance import cdist
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.likelihood.background import FLOOR, Background
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.paper.background import FLOOR, Background
 
 MAX_NODES = 2**23
 """Largest number of nodes; a measurement update then takes a second or two."""

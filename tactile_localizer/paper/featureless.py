@@ -11,10 +11,11 @@ from scipy.linalg import solve_triangular
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanx_positions
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, training_pairs
-from tactile_localizer.core.likelihood.gaussian import ridge
-from tactile_localizer.core.likelihood.kernel_density import KernelDensity
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import SceneError
+from tactile_localizer.paper.gaussian import ridge
+from tactile_localizer.paper.kernel_density import KernelDensity
+from tactile_localizer.paper.kernel_widths import kernel_widths
 from tactile_localizer.scene import Phalanx, Scene
 
 
@@ -31,24 +32,24 @@ class Featureless(MeasurementModel):
     Parameters
     ----------
     scan, scene : training pairs and scene, which gives the feature's region
-    position_std, strain_std : kernel widths, one number or one per axis (m, yaw: rad) and one per channel (V)
+    position_std : kernel width in position, one number or one per axis, m (yaw: rad); ``None``: chosen
+    strain_std : kernel width in strain, one number or one per channel, V; ``None``: chosen from the scan
 
     Raises
     ------
     ParameterError
-        A lattice too large for the memory.
+        A width out of its range, or a lattice too large for the memory.
     SceneError
         The scene gives no region, or all pairs of a phalanx are on one side of it.
     """
 
-    def __init__(self, scan: Scan, scene: Scene, position_std: Any, strain_std: Any) -> None:
+    def __init__(self, scan: Scan, scene: Scene, position_std: Any = None, strain_std: Any = None) -> None:
         if scene.feature is None:
             raise SceneError(
                 f"scene {scene.name}: expected a feature region for the model featureless, found none"
             )
         positions, strain = training_pairs(scan, scene)
-        position_std = np.broadcast_to(position_std, scene.dimension)
-        strain_std = np.broadcast_to(strain_std, strain.shape[1])
+        position_std, strain_std = kernel_widths(scan, scene, position_std, strain_std)
         self._layout = scene.layout
         self._phalanges = [
             _PhalanxModel(scene, phalanx, positions, strain[:, columns], position_std, strain_std[columns])

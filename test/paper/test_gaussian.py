@@ -9,8 +9,8 @@ from scipy import stats
 from support.scans import scan, scene, strain_at
 
 from tactile_localizer.core.geometry.motion import YAW_LEVER
-from tactile_localizer.core.likelihood.gaussian import Gaussian
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.paper.gaussian import Gaussian
 
 STATE = np.array([0.021, 0.033])
 
