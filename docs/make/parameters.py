@@ -26,8 +26,8 @@ rejected with the reason; an unknown name is ignored with a warning. On the comm
 list of strings is `"['']"`, because `[]` has no type.
 
 Those marked **essential** must match the robot; the defaults of the others usually suffice. The
-bounds of the material, its motion noise and the kernel widths are part of the
-[scene](concepts.md#scene), not parameters of a node. `make docs` writes this page."""
+bounds of the material and its motion noise are part of the [scene](concepts.md#scene), not
+parameters of a node. `make docs` writes this page."""
 
 ESSENTIAL = {
     "phalanges", "dbc", "channel", "scan_file", "scene_file", "adapter_file",

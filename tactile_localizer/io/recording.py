@@ -6,7 +6,7 @@ Import, replay and evaluation work on a :class:`Recording` and do not depend on 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -79,9 +79,9 @@ class RecordedSweep:
 
     def part(self, rows: slice | np.ndarray, number: int, gaps: int = 0) -> RecordedSweep:
         """A subset of the samples, (n,) bool or a slice, as a separate sweep."""
-        names = ("stamp_ns", "position", "strain", "status", "truth", "felt")
-        arrays = {name: values[rows] for name in names if (values := getattr(self, name)) is not None}
-        return replace(self, number=number, gaps=gaps, **arrays)
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        arrays = {name: each[rows] for name, each in values.items() if isinstance(each, np.ndarray)}
+        return RecordedSweep(**{**values, **arrays, "number": number, "gaps": gaps})
 
 
 @dataclass(frozen=True)
