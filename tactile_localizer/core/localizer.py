@@ -210,6 +210,11 @@ class Localizer:
         return self._registration.diagonal()
 
     @property
+    def spikes(self) -> dict[str, int]:
+        """Number of single values far off that were left out, by the gauge's name, such as ``index_3``."""
+        return self._gauge_names(self._noise.spikes)
+
+    @property
     def explanations(self) -> Explanations:
         """Probabilities of what can explain the strain."""
         return self._sweep.explanations
@@ -393,10 +398,18 @@ class Localizer:
 
     def _stuck_gauges(self) -> str:
         """The gauges that stand still, to be added to a reason."""
-        stuck = np.flatnonzero(self._gauges.stuck).tolist()
-        places = (self.scene.layout.place(channel) for channel in stuck)
-        names = [f"{self.scene.phalanges[phalanx].name}_{number}" for phalanx, number in places]
-        return f"; {', '.join(names)} {'stand' if len(names) > 1 else 'stands'} still" if names else ""
+        if not self._gauges.stuck.any():
+            return ""
+        names = list(self._gauge_names(self._gauges.stuck))
+        return f"; {', '.join(names)} {'stand' if len(names) > 1 else 'stands'} still"
+
+    def _gauge_names(self, channels: np.ndarray) -> dict[str, int]:
+        """Those of ``channels`` (C,) that are not zero, by names such as ``index_3``."""
+        found = {}
+        for channel in channels.nonzero()[0].tolist():
+            phalanx, number = self.scene.layout.place(channel)
+            found[f"{self.scene.phalanges[phalanx].name}_{number}"] = int(channels[channel])
+        return found
 
     def _reason(self, travel: float) -> str:
         """Why the position has converged or not; before the hand moves, there is no other reason."""

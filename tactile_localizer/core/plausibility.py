@@ -61,6 +61,10 @@ class StuckGauges:
     Parameters
     ----------
     longest : (C,) m of travel over which each did so in the scan; infinite for one that is never judged
+
+    Attributes
+    ----------
+    stuck : (C,) bool
     """
 
     def __init__(self, longest: np.ndarray) -> None:
@@ -71,6 +75,7 @@ class StuckGauges:
         """Take every gauge as working."""
         self._last: np.ndarray | None = None
         self._unchanged = np.zeros(len(self._limit))
+        self.stuck = self._unchanged >= self._limit
 
     def observe(self, strain: np.ndarray, present: np.ndarray, travel: float) -> None:
         """Take in a ``strain`` (C,) after ``travel`` metres; ``present`` (C,) bool."""
@@ -78,12 +83,8 @@ class StuckGauges:
             same = present & (strain == self._last)
             others_change = (present & ~same).any()
             self._unchanged = np.where(same, self._unchanged + travel * others_change, 0.0)
+            self.stuck = self._unchanged >= self._limit
         self._last = strain.copy()
-
-    @property
-    def stuck(self) -> np.ndarray:
-        """(C,) bool."""
-        return self._unchanged >= self._limit
 
 
 def still_travel(scan: Scan, scene: Scene) -> np.ndarray:

@@ -1,7 +1,8 @@
 """Mapping node: records a training scan, sweeps of strain vectors with the palm positions at their stamps.
 
 Publishes ``~/status`` and ``~/map`` (latched) and ``/diagnostics`` at 1 Hz. ``~/start_sweep`` and
-``~/end_sweep`` delimit the sweeps, unless they are detected from the motion.
+``~/end_sweep`` delimit the sweeps, unless they are detected from the motion. When the node is deactivated,
+the scan examines itself, and the log says what it is good for.
 """
 
 from __future__ import annotations
@@ -9,21 +10,28 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from tactile_localizer.errors import ParameterError, ScanError
+from tactile_localizer.core.calibration.examination import Examination
+from tactile_localizer.errors import ParameterError, ScanError, TactileLocalizerError
+from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
 from tactile_localizer.io.scans.sweep_files import OpenSweep
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.msg import ScanStatus
+from tactile_localizer.offline.examination import describe_examination, examination_findings
 from tactile_localizer.resources import given_or_shipped
+from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.conversions import from_ns
@@ -100,6 +108,33 @@ class MappingNode(ManagedNode):
     def _end_recording(self) -> None:
         self._record(self._inputs.pairing.finish())
         self._try_to_write(self._recorder.close)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Transition to inactive, the end of a session: the scan is examined in the background."""
+        result = super().on_deactivate(state)
+        if self._recorder.pairs and self.executor is not None:
+            self.executor.create_task(self._examine(Path(self._recorder.store.path)))
+        return result
+
+    async def _examine(self, path: Path) -> None:
+        """Examine a scan, for the next start of the filter too, and log what it shows."""
+
+        def examine() -> Examination:
+            scan = ScanFolder(path).load()
+            return learned_calibration(path, scan, self._scene, self._log_progress).examination
+
+        try:
+            examination = await run_in_thread(self, examine)
+        except TactileLocalizerError as error:
+            self.get_logger().error(f"examination: {error}")
+            return
+        for line in describe_examination(self._scene, examination):
+            self.get_logger().info(line)
+        for line in examination_findings(self._scene, examination):
+            self.get_logger().warning(line)
+
+    def _log_progress(self, activity: str, fraction: float) -> None:
+        self.get_logger().info(f"{activity}: {fraction:.0%}")
 
     def _refresh_map(self) -> None:
         """Publish the map of the sweeps so far."""

@@ -40,15 +40,15 @@ def probe(running):
     return running.probe
 
 
-def slide_until(node, reason, **how):
-    """Slide, as slowly as the stamps say, until a posterior gives this reason (regular expression)."""
+def slide_until(node, reason, samples=1, **how):
+    """Slide, ``samples`` at once, until a posterior gives this reason (regular expression)."""
     due_s = time.monotonic()
 
     def given():
         nonlocal due_s
-        if time.monotonic() >= due_s and node.hand.next < len(node.hand.strain_ns):
-            due_s = time.monotonic() + 0.05
-            node.hand.slide(1, **how)
+        if time.monotonic() >= due_s and node.hand.next + samples < len(node.hand.strain_ns):
+            due_s = time.monotonic() + 0.05 * samples**0.5
+            node.hand.slide(samples, **how)
         return next((one for one in node.posteriors if re.match(reason, one.reason)), None)
 
     return node.probe.until(given, reason)
@@ -121,6 +121,17 @@ def test_lost_strain_vectors_are_counted(node, probe):
     assert any("3 strain vectors lost" in message for message in reports)
 
 
+def test_a_spike_names_its_gauge(node):
+    node.slide(20)
+    spoiled = node.hand.sweep.strain[20].tolist()
+    spoiled[2] += 1.0
+    node.hand.slide(1, strain=False)
+    node.hand.send_strain(20, strain=spoiled)
+    node.slide(20)
+    reports = lambda: [s.message for array in node.diagnostics for s in array.status]  # noqa: E731
+    node.probe.until(lambda: any("1 spikes in index_3" in message for message in reports()), "the gauge")
+
+
 def test_without_poses_the_estimate_is_stale(node, probe):
     from std_msgs.msg import Bool
 
@@ -153,12 +164,12 @@ def test_a_late_subscriber_gets_the_last_pose(node, probe):
 
 def test_poses_that_are_too_far_apart_are_the_reason(node, monkeypatch):
     def send_some(k):
-        if k % 10 == 0:
+        if k % 10 == 0:  # 0.4 s by the stamps
             send(k)
 
     send = node.hand.send_pose
     monkeypatch.setattr(node.hand, "send_pose", send_some)
-    slide_until(node, r"stale: palm_pose at 2\.5 Hz, max_gap_s 0\.1, no estimate")
+    slide_until(node, r"stale: palm_pose at 2\.5 Hz, max_gap_s 0\.1, no estimate", samples=10)
 
 
 def test_without_strain_the_estimate_is_stale(node, probe):

@@ -111,6 +111,22 @@ def test_the_map_is_latched_after_a_sweep(node_process, probe, files):
     assert clouds[-1].width > 0
 
 
+def test_at_the_end_of_a_session_the_scan_examines_itself(node_process, probe, files):
+    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
+    hand = Hand(probe)
+    for _ in range(2):
+        hand.service("start_sweep")
+        hand.slide(1000)
+        hand.service("end_sweep")
+    assert probe.change("tactile_mapping", "deactivate")
+    finding = "only 2 sweeps, which says little"
+    probe.until(lambda: finding in process.output, "the examination", timeout_s=120.0)
+    assert "trials of 2 held-out sweeps" in process.output
+    assert (files["scan_file"] / "calibration.json").exists()
+    assert probe.change("tactile_mapping", "activate"), "another session"
+    assert process.stop() == 0
+
+
 def test_diagnostics_describe_recording_and_losses(node_process, probe, files):
     from diagnostic_msgs.msg import DiagnosticStatus
 

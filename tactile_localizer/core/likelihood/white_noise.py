@@ -88,11 +88,12 @@ class SweepNoise:
 
     Attributes
     ----------
-    spikes : (C,) int, number of spikes of each channel in this sweep
+    spikes : (C,) int, number of spikes of each channel in all sweeps
     """
 
     def __init__(self, scan: WhiteNoise) -> None:
         self._scan = scan
+        self.spikes = np.zeros(scan.variance.shape[1], dtype=int)
         self.reset()
 
     def reset(self) -> None:
@@ -103,8 +104,7 @@ class SweepNoise:
         self._step: np.ndarray | None = None
         self._present, self._strains = b"", 0
         self._kept = self._kept_step = np.zeros(0)
-        self._spiked = np.zeros(len(self._variance), dtype=bool)
-        self.spikes = np.zeros(len(self._variance), dtype=int)
+        self._off = self._replaced = np.zeros(len(self._variance), dtype=bool)
 
     def observe(self, strain: np.ndarray, present: np.ndarray, travel: float) -> np.ndarray:
         """Take in a strain (C,), V, ``travel`` metres after the last one; ``present`` (C,) bool.
@@ -114,7 +114,7 @@ class SweepNoise:
         """
         if self._present != present.tobytes():  # compared faster than arrays
             self._present, self._last, self._step = present.tobytes(), None, None
-            self._spiked = np.zeros(len(strain), dtype=bool)
+            self._off = self._replaced = np.zeros(len(strain), dtype=bool)
         kept = self._without_spikes(strain)
         self._strains += 1
         step = None if self._last is None else strain - self._last
@@ -133,11 +133,12 @@ class SweepNoise:
             return strain
         predicted = self._kept + self._kept_step
         off = np.square(strain - predicted) > _SPIKE**2 * 6.0 * self._variance
-        before, self._spiked = self._spiked, off
-        if self._step is not None:  # else nothing is predicted yet: either of the two may be the spike
-            self._spiked = off & ~before
-            self.spikes = self.spikes + self._spiked
-            strain = np.where(self._spiked, predicted, strain)
+        if (off | self._off).any():
+            self.spikes = self.spikes + (self._replaced & ~off)  # the strain has returned: it was one
+            # Before the third strain nothing is predicted: either of the two may be the spike.
+            self._replaced = off & ~self._off & (self._step is not None)
+            strain = np.where(self._replaced, predicted, strain)
+            self._off = self._replaced if self._step is not None else off
         self._kept, self._kept_step = strain, np.where(off, 0.0, strain - self._kept)
         return strain
 

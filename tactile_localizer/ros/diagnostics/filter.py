@@ -69,6 +69,7 @@ class FilterDiagnostics:
         losses = {
             **{f"strain vectors {what}": counts[what] for what in counts if what not in USED},
             **{f"invalid messages on {topic}": count for topic, count in inputs.invalid.items()},
+            **{f"spikes in {gauge}": count for gauge, count in online.localizer.spikes.items()},
             "strain vectors lost in transport": inputs.lost,
             "late messages": pairing.late,
             "backward jumps of the stamps": pairing.resets,
