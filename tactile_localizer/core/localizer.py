@@ -22,7 +22,7 @@ from tactile_localizer.core.hypotheses.convergence import (
 from tactile_localizer.core.hypotheses.explanations import ELSEWHERE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
-from tactile_localizer.core.likelihood.other_material import ENERGY_LENGTH, variance_factor
+from tactile_localizer.core.likelihood.other_material import ENERGY_LENGTH, noise_factor
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.white_noise import SweepNoise
 from tactile_localizer.core.plausibility import StampUnit, StuckGauges
@@ -92,16 +92,16 @@ class _Sweep(NamedTuple):
     weights : (P,) of the states
     trend : by which the sweep differs from the scan
     explanations : probabilities of what explains the strain
-    strengths : (G, F) log-weights of the strengths of other material
-    energy : (F,) mean energy of the innovations from featureless material
+    strength_log_weights : (G, F) of the strengths of other material
+    mean_energy : (F,) of the innovations from featureless material
     """
 
     model: SweepMixture
     weights: np.ndarray
     trend: Trend
     explanations: Explanations
-    strengths: np.ndarray
-    energy: np.ndarray
+    strength_log_weights: np.ndarray
+    mean_energy: np.ndarray
 
 
 class Localizer:
@@ -267,8 +267,8 @@ class Localizer:
             weights=np.ones(1),
             trend=self.model.drift.start(1 + anchors),
             explanations=Explanations.start(anchors),
-            strengths=self.model.other.start(),
-            energy=self._quiet_energy,
+            strength_log_weights=self.model.other.start(),
+            mean_energy=self._quiet_energy,
         )
         self._stamp_unit.reset()
         self._stamp_ns = None
@@ -277,15 +277,19 @@ class Localizer:
         self._travel = self._outside = 0.0
         self._log_likelihoods = np.full(2, np.nan)
 
-    def _measure(self, last: np.ndarray, present: np.ndarray) -> None:
-        """The measurement update: predicted belief, likelihoods, posterior, explanations, decision."""
-        strain, displacement = self._mean.take()
+    def _measure(self, raw: np.ndarray, present: np.ndarray) -> None:
+        """The measurement update: predicted belief, likelihoods, posterior, explanations, decision.
+
+        The ``raw`` strain (C,) is the last one. Compared with the map is the mean strain since the last
+        update, whitened, and of it the innovation, which the trend of the sweep does not predict.
+        """
+        mean_strain, displacement = self._mean.take()
         travel = self._motion.travel(displacement)
-        stretch = max(travel, self._update_distance)
-        self._gauges.observe(last, self.scene.layout.expand(present), travel)
+        update_travel = max(travel, self._update_distance)
+        self._gauges.observe(raw, self.scene.layout.expand(present), travel)
         working = self._working(present)
-        used, exponent = self.scene.layout.any(working), min(1.0, stretch / self.information_length)
-        outside = float(self._range.strains_outside(last, used))
+        used, exponent = self.scene.layout.any(working), min(1.0, update_travel / self.information_length)
+        outside = float(self._range.strains_outside(raw, used))
         self._outside += (
             min(1.0, travel / ENERGY_LENGTH) * (outside - self._outside) if self._belief else outside
         )
@@ -294,34 +298,34 @@ class Localizer:
         model = self._with_noise(sweep.model, working)
         states = len(prediction.states)
         places = np.concatenate([prediction.states, self._anchors.states])
-        nodes, expected = model.expected(places)
+        nodes, map_strain = model.map_at(places)
         innovation, trend = model.innovation(
-            sweep.trend, strain, places, expected, prediction.log_weights, stretch, exponent
+            sweep.trend, mean_strain, places, map_strain, prediction.log_weights, update_travel, exponent
         )
         off_map, level_variance = model.off_map(innovation)
-        energy, scale = variance_factor(
-            sweep.energy, model.other.energy(off_map, level_variance), self._quiet_energy, stretch
+        mean_energy, factor = noise_factor(
+            sweep.mean_energy, model.other.energy(off_map, level_variance), self._quiet_energy, update_travel
         )
-        likelihoods = model.on_map(nodes, states, innovation, scale, used)
+        likelihoods = model.on_map(nodes, states, innovation, factor, used)
         at_states, at_anchors = likelihoods[:states], likelihoods[states:]
-        other, strengths = model.other.update(
-            sweep.strengths, off_map, level_variance, scale, used, stretch, exponent
+        other, strength_log_weights = model.other.update(
+            sweep.strength_log_weights, off_map, level_variance, factor, used, update_travel, exponent
         )
         position = at_states
         if self._position_model is not None:
-            position = self._position_likelihood(prediction, innovation, strain, used)
+            position = self._position_likelihood(prediction, innovation, mean_strain, used)
 
         belief = self.filter.update(exponent * position)
         weights = self.filter.weights()
         tracked = normalize(prediction.log_weights + exponent * at_states)[1] / exponent
         far = self._motion.travels(self._anchors.states - belief.mean) > ELSEWHERE
         explanations = sweep.explanations.update(
-            stretch,
+            update_travel,
             np.where(far, exponent * (at_anchors - tracked), -np.inf),
             exponent * (other - tracked),
         )
 
-        self._sweep = _Sweep(model, weights, trend, explanations, strengths, energy)
+        self._sweep = _Sweep(model, weights, trend, explanations, strength_log_weights, mean_energy)
         self._belief = belief
         volume = float(model.noise.log_volume[used].sum())
         self._log_likelihoods = np.array([tracked, other]) + volume
@@ -362,13 +366,13 @@ class Localizer:
         )
 
     def _position_likelihood(
-        self, prediction: Prediction, innovation: Innovation, strain: np.ndarray, used: np.ndarray
+        self, prediction: Prediction, innovation: Innovation, mean_strain: np.ndarray, used: np.ndarray
     ) -> np.ndarray:
         """Log-likelihoods (P,) by the model for the position, of the strain without the sweep's offset."""
         assert self._position_model is not None
         trend = np.exp(prediction.log_weights) @ innovation.map_trend[: len(prediction.states)]
-        level_out = self.model.in_volts(strain, innovation.strain + innovation.turned + trend)
-        strain = self.model.material.mixed(level_out, strain)
+        level_out = self.model.in_volts(mean_strain, innovation.of_strain + innovation.turned + trend)
+        strain = self.model.material.mixed(level_out, mean_strain)
         return self._position_model.log_likelihood(prediction.states, strain, used)
 
     def _decide(self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float) -> None:

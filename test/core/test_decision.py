@@ -103,7 +103,7 @@ def turned_material(level_variance: float = 0.0) -> SweepMixture:
 def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[np.ndarray, Innovation, Trend]:
     """Likelihoods and innovation of what featureless material feels like at a yaw, and the trend after it."""
     places, log_weights = np.tile(YAWS, 2)[:, None], np.log(weights)
-    nodes, expected = model.expected(places)
+    nodes, expected = model.map_at(places)
     start, felt = model.drift.start(len(places)), yaw * TURNING
     innovation, trend = model.innovation(start, felt, places, expected, log_weights, 0.0005, 1.0)
     return model.on_map(nodes, len(YAWS), innovation, np.ones(1), np.ones(1, bool)), innovation, trend
@@ -114,7 +114,7 @@ def test_a_turned_hand_feels_what_featureless_material_feels_like_at_its_yaw() -
     found, innovation, _ = felt_at_yaw(YAWS[5], weights / weights.sum(), turned_material())
     assert found[: len(YAWS)].argmax() == found[len(YAWS) :].argmax() == 5
     assert found[5] == pytest.approx(0.0, abs=1e-4), "no residual"
-    np.testing.assert_allclose(innovation.strain + innovation.turned, YAWS[5] * TURNING, rtol=1e-6)
+    np.testing.assert_allclose(innovation.of_strain + innovation.turned, YAWS[5] * TURNING, rtol=1e-6)
 
 
 def test_the_variance_of_the_yaw_counts_as_noise() -> None:

@@ -1,4 +1,4 @@
-"""Reference places: centres of the boxes of a lattice over the scene that moves with the palm."""
+"""Anchors: centres of the boxes of a lattice over the scene that moves with the palm."""
 
 from __future__ import annotations
 

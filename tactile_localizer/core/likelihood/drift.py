@@ -54,17 +54,17 @@ class Trend(NamedTuple):
 
 
 class Innovation(NamedTuple):
-    """A strain less what its trend predicts, and what the trend of the map predicts at N places.
+    """What of a strain its trend does not predict, and what the trend of the map predicts at N places.
 
     Parameters
     ----------
-    strain : (C,)
+    of_strain : (C,) whitened strain less its trend
     map_trend : (N, C) to be subtracted from the map
     level_variance : (C,) of the level
-    turned : (C,) strain of featureless material at the mean yaw, which is not in ``strain``
+    turned : (C,) strain of featureless material at the mean yaw, which is not in ``of_strain``
     """
 
-    strain: np.ndarray
+    of_strain: np.ndarray
     map_trend: np.ndarray
     level_variance: np.ndarray
     turned: np.ndarray | float = 0.0
@@ -99,28 +99,28 @@ class Drift:
     def update(
         self,
         trend: Trend,
-        strain: np.ndarray,
-        expected: np.ndarray,
+        whitened: np.ndarray,
+        map_strain: np.ndarray,
         travel: float,
-        information: np.ndarray | float,
+        exponent: np.ndarray | float,
     ) -> tuple[Innovation, Trend]:
-        """Innovation of a whitened ``strain`` (C,), where the map's ``expected`` strain is (N, C) float32.
+        """Innovation of a ``whitened`` strain (C,), where that of the map is ``map_strain`` (N, C) float32.
 
-        ``travel`` is that since the last update, m; ``information``, (C,) or of all channels, the fraction of
+        ``travel`` is that since the last update, m; ``exponent``, (C,) or of all channels, the fraction of
         an independent measurement that the strain is.
         """
         known = trend.measurements + self.prior
         travel = min(travel, self.memory)  # beyond it the level is unknown, however far the arm jumped
         predicted = trend.level + travel * trend.rate
         map_trend = trend.map_level + np.float32(travel) * trend.map_rate
-        strain_left, map_left = strain - predicted, expected - map_trend
+        strain_left, map_left = whitened - predicted, map_strain - map_trend
         # Whether the strain is an outlier or the level is, the next ones decide: both lose weight.
         weight, rate_gain = 1.0, 0.0
         if known.any():
             weight = 1.0 / (1.0 + float(strain_left @ strain_left) / self._largest_energy)
             # The first strain sets the level, of which the rate is the change.
             rate_gain = weight * travel / (4.0 * self.memory**2)
-        added = information * weight
+        added = exponent * weight
         gain = np.minimum(np.maximum(added / (known + added), weight * travel / self.memory), _LARGEST_GAIN)
         narrow = gain.astype(np.float32)
         following = Trend(
@@ -130,16 +130,16 @@ class Drift:
             map_trend + narrow * map_left,
             trend.map_rate + np.float32(rate_gain) * map_left if rate_gain else trend.map_rate,
         )
-        level_variance = self.variance * gain / (1.0 - gain) / information
+        level_variance = self.variance * gain / (1.0 - gain) / exponent
         return Innovation(strain_left, map_trend, level_variance), following
 
-    def along(self, values: np.ndarray, pitch: float, information: float) -> tuple[np.ndarray, np.ndarray]:
+    def along(self, values: np.ndarray, pitch: float, exponent: float) -> tuple[np.ndarray, np.ndarray]:
         """Innovations of ``values`` (n, C) at every ``pitch`` metres, and variances of the level, (n, C)."""
         nowhere = np.zeros((0, values.shape[1]), dtype=np.float32)
         trend, found, variance = self.start(0), np.zeros_like(values), np.zeros_like(values)
         for row, value in enumerate(values):
-            innovation, trend = self.update(trend, value, nowhere, pitch, information)
-            found[row], variance[row] = innovation.strain, innovation.level_variance
+            innovation, trend = self.update(trend, value, nowhere, pitch, exponent)
+            found[row], variance[row] = innovation.of_strain, innovation.level_variance
         return found, variance
 
 

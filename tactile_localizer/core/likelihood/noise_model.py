@@ -223,14 +223,14 @@ def _wander(scan: WhitenedScan, held_out: HeldOut) -> float:
     # The noise of the mean is left in: where a map is of few sweeps, the safer model is preferred.
     variance = 1.0 + layout.mean(expected.interpolation_error[:, 0])
     residual = (scan.strain[held_out.points] - expected.mean[:, 0]) / np.sqrt(layout.expand(variance))
-    information, total = min(1.0, pitch / _INDEPENDENT), 0.0
+    exponent, total = min(1.0, pitch / _INDEPENDENT), 0.0
     for memory, sign in ((WANDER_LENGTH, 1.0), (math.inf, -1.0)):
         drift = Drift(memory, 1.0, np.maximum(scan.noise.offset_variance, 1e-6), OUTLIER * layout.size)
         for own in held_out.slices:
-            innovations, level = drift.along(residual[own], pitch, information)
+            innovations, level = drift.along(residual[own], pitch, exponent)
             variance = 1.0 + layout.mean(level)
             squared = layout.sum(innovations**2)
-            total += sign * information * float(log_density(squared, variance, layout.widths).sum())
+            total += sign * exponent * float(log_density(squared, variance, layout.widths).sum())
     return total
 
 

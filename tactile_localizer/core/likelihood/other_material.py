@@ -36,15 +36,15 @@ class OtherMaterial:
     def __init__(self, layout: ChannelLayout, covariance: np.ndarray, variance: float) -> None:
         self._layout, self._covariance, self._variance = layout, covariance, variance
         self._rotation = np.eye(layout.size)
-        strength, largest = np.zeros(layout.size), np.zeros(layout.size)
+        even, largest = np.zeros(layout.size), np.zeros(layout.size)
         for own in layout.slices:
             values, self._rotation[own, own] = np.linalg.eigh(covariance[own, own])
             values = np.maximum(values, 0.0)
             # Errors of the map, of even variance, lie in the directions of the signal too: half the shape.
-            strength[own] = np.sqrt(values * values.mean())
-            largest[own] = strength[own].max()
+            even[own] = np.sqrt(values * values.mean())
+            largest[own] = even[own].max()
         # Last a signal in any direction: strains in another unit are off the map too.
-        self._spread = np.vstack([np.outer(_STRENGTHS, strength), _STRENGTHS[-1] * largest])
+        self._spread = np.vstack([np.outer(_STRENGTHS, even), _STRENGTHS[-1] * largest])
 
     def transformed(self, transform: np.ndarray) -> OtherMaterial:
         """The same for innovations ``transform @ v``; ``transform`` (C, C) has a block per phalanx."""
@@ -56,21 +56,21 @@ class OtherMaterial:
         count = len(self._spread)
         return np.full((count, self._layout.phalanges), -np.log(count))
 
-    def energy(self, strain: np.ndarray, level_variance: np.ndarray) -> np.ndarray:
+    def energy(self, innovation: np.ndarray, level_variance: np.ndarray) -> np.ndarray:
         """Energy (..., F) of innovations (..., C) per channel, in variances of featureless material.
 
         Large ones are bounded as by the weights of the t-distribution.
         """
         widths = self._layout.widths
-        squared = self._layout.sum(np.square(strain)) / (self._variance + level_variance)
+        squared = self._layout.sum(np.square(innovation)) / (self._variance + level_variance)
         return np.asarray(squared * weight(squared, widths) / widths)
 
     def update(
         self,
         log_weights: np.ndarray,
-        strain: np.ndarray,
+        innovation: np.ndarray,
         level_variance: np.ndarray,
-        scale: np.ndarray,
+        factor: np.ndarray,
         used: np.ndarray,
         travel: float,
         exponent: float,
@@ -80,16 +80,16 @@ class OtherMaterial:
         Parameters
         ----------
         log_weights : (G, F) of the strengths
-        strain : (C,) innovation
+        innovation : (C,) of a strain from featureless material
         level_variance : (F,) of the level from which it deviates
-        scale : (F,) factor of the variances in this sweep, as on the map
+        factor : (F,) of the variances in this sweep, as on the map
         used : (F,) bool, phalanges that count
         travel : m since the last update
         exponent : fraction of an independent measurement that the innovation is
         """
         layout, tails = self._layout, DEGREES_OF_FREEDOM
-        variance = (self._spread + self._variance) * layout.expand(scale) + layout.expand(level_variance)
-        squared = np.square(strain @ self._rotation) / variance
+        variance = (self._spread + self._variance) * layout.expand(factor) + layout.expand(level_variance)
+        squared = np.square(innovation @ self._rotation) / variance
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
         densities -= 0.5 * layout.sum(np.log(variance))
         following = log_weights + exponent * densities
@@ -99,10 +99,10 @@ class OtherMaterial:
         return total, np.where(used, np.log(weights), log_weights)
 
 
-def variance_factor(
+def noise_factor(
     before: np.ndarray, energy: np.ndarray, quiet: np.ndarray, travel: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean energy (F,) of a sweep after an update, and the ratio (F,) of its noise variance to the scan's.
+    """Mean energy (F,) of a sweep's innovations, and the ratio (F,) of its noise variance to the scan's.
 
     Parameters
     ----------

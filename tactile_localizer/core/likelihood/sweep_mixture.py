@@ -115,12 +115,12 @@ class SweepMixture:
         trend: Trend,
         strain: np.ndarray,
         places: np.ndarray,
-        expected: np.ndarray,
+        map_strain: np.ndarray,
         log_weights: np.ndarray,
         travel: float,
-        information: float,
+        exponent: float,
     ) -> tuple[Innovation, Trend]:
-        """Innovation of a strain (C,), V, where the map's ``expected`` strain is (N, C), at places (N, d).
+        """Innovation of a strain (C,), V, at places (N, d) where the map has ``map_strain`` (N, W), whitened.
 
         See :meth:`.Drift.update`. ``log_weights`` (P,) are those of the first places, the states.
 
@@ -129,14 +129,14 @@ class SweepMixture:
         noise. With a trend for each yaw a turned hand's yaw was 2.7 instead of 0.8 degrees off, because at
         contact the yaw at which a phalanx deformed alike was preferred.
         """
-        strain, turning = self.whitened(strain), self.map.turning
+        whitened, turning = self.whitened(strain), self.map.turning
         if not turning.any():
-            return self.drift.update(trend, strain, expected, travel, information)
+            return self.drift.update(trend, whitened, map_strain, travel, exponent)
         weights, states = np.exp(log_weights), places[: len(log_weights)]
         mean = weights @ states
         noise = (weights @ (states - mean) ** 2) @ turning**2
-        known = information / (1.0 + noise / self.drift.variance)
-        innovation, trend = self.drift.update(trend, strain - mean @ turning, expected, travel, known)
+        known = exponent / (1.0 + noise / self.drift.variance)
+        innovation, trend = self.drift.update(trend, whitened - mean @ turning, map_strain, travel, known)
         turned = ((places - mean) @ turning).astype(np.float32)
         map_trend = innovation.map_trend - turned
         return innovation._replace(map_trend=map_trend, turned=mean @ turning), trend
@@ -149,54 +149,54 @@ class SweepMixture:
         """A strain vector (C,), V, moved to where it is ``whitened`` (W,)."""
         return strain + self.noise.inverse @ (whitened - self.noise.whitened(strain))
 
-    def expected(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def map_at(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Nodes (N,) nearest to places (N, d), and the whitened strain there (N, C), first component."""
         nodes = self.map.nearest(places)
         return nodes, self._components.mean.take(self._components.starts.take(nodes), axis=0)
 
     def off_map(self, innovation: Innovation) -> tuple[np.ndarray, np.ndarray]:
         """Innovation (C,) of a strain from featureless material, and the variance (F,) of its level."""
-        strain = innovation.strain
+        of_strain = innovation.of_strain
         if self._transform is not None:
-            strain = self._transform @ strain
-        return strain, self.noise.layout.mean(innovation.level_variance)
+            of_strain = self._transform @ of_strain
+        return of_strain, self.noise.layout.mean(innovation.level_variance)
 
     def on_map(
         self,
         nodes: np.ndarray,
         states: int,
         innovation: Innovation,
-        scale: np.ndarray,
+        factor: np.ndarray,
         used: np.ndarray,
     ) -> np.ndarray:
-        """Log-likelihoods (N,) of a strain at states and reference places.
+        """Log-likelihoods (N,) of a strain at states and anchors.
 
         Parameters
         ----------
-        nodes : (N,) of the map, nearest to the P states and then to the R reference places
+        nodes : (N,) of the map, nearest to the P states and then to the R anchors
         states : their number P
         innovation : of the strain, with the map's trend at these N places
-        scale : (F,) factor of the variance of a visit in this sweep
+        factor : (F,) of the variance of a visit in this sweep
         used : (F,) bool, phalanges that count
         """
         components, gain = self._components, np.float32(self.map.gain)
         counts = components.counts.take(nodes)
-        counts[states:] = 1  # reference places: the first component alone
+        counts[states:] = 1  # anchors: the first component alone
         ends = counts.cumsum()
         starts = ends - counts
         place = np.arange(len(nodes)).repeat(counts)
         rows = np.arange(len(place)) + (components.starts.take(nodes) - starts).take(place)
-        expected = components.mean.take(rows, axis=0)
-        strain = innovation.strain.astype(np.float32) + innovation.map_trend
+        map_strain = components.mean.take(rows, axis=0)
+        detrended = innovation.of_strain.astype(np.float32) + innovation.map_trend
         if self._transform is not None:
-            expected, strain = expected @ self._transform.T, strain @ self._transform.T
-        residual = strain.take(place, axis=0)
-        residual -= expected
+            map_strain, detrended = map_strain @ self._transform.T, detrended @ self._transform.T
+        residual = detrended.take(place, axis=0)
+        residual -= map_strain
         variance = components.variance.take(rows, axis=1)
-        variance *= scale.astype(np.float32)[:, None]
+        variance *= factor.astype(np.float32)[:, None]
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
-        projected = gain * np.square(self._sums @ (residual * expected).T)
-        gain_variance = gain * (self._sums @ np.square(expected, out=expected).T)
+        projected = gain * np.square(self._sums @ (residual * map_strain).T)
+        gain_variance = gain * (self._sums @ np.square(map_strain, out=map_strain).T)
         squared = self._sums @ np.square(residual, out=residual).T
         log_prior = components.log_prior.take(rows)
         log_prior[ends[states - 1] :] = 0.0

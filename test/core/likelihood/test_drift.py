@@ -21,7 +21,7 @@ def of_strains(drift: Drift, strains: np.ndarray) -> np.ndarray:
     trend, found = drift.start(0), []
     for strain in strains:
         innovation, trend = drift.update(trend, strain, NOWHERE, STEP, 1.0)
-        found.append(innovation.strain)
+        found.append(innovation.of_strain)
     return np.array(found)
 
 
@@ -44,7 +44,7 @@ def test_the_innovation_of_strain_less_map_is_that_of_their_difference(
         felt = np.concatenate([felt, expected[None]])
     for trajectory in range(trajectories):
         direct = of_strains(drift, strains - felt[:, trajectory])[-1]
-        found = innovation.strain + innovation.map_trend[trajectory] - expected[trajectory]
+        found = innovation.of_strain + innovation.map_trend[trajectory] - expected[trajectory]
         np.testing.assert_allclose(found, direct, atol=1e-4)
 
 
@@ -63,7 +63,7 @@ def test_a_constant_with_a_prior_is_the_kalman_filter(prior: float) -> None:
     trend = drift.start(0)
     for strain in np.random.default_rng(0).normal(5.0, 1.4, (50, 2)):
         innovation, trend = drift.update(trend, strain, NOWHERE, STEP, 1.0)
-        np.testing.assert_allclose(innovation.strain, strain - kalman.mean)
+        np.testing.assert_allclose(innovation.of_strain, strain - kalman.mean)
         np.testing.assert_allclose(innovation.level_variance, np.diag(kalman.covariance))
         kalman.update(strain)
         np.testing.assert_allclose(trend.level, kalman.mean)

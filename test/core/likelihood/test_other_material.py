@@ -11,7 +11,7 @@ from tactile_localizer.core.likelihood.other_material import (
     ENERGY_LENGTH,
     PATCH_LENGTH,
     OtherMaterial,
-    variance_factor,
+    noise_factor,
 )
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
 from tactile_localizer.core.likelihood.student_t import log_density
@@ -140,7 +140,7 @@ def test_it_is_the_same_material_in_other_coordinates() -> None:
 def test_a_sweep_that_deviates_more_than_the_scan_widens_a_visit_by_as_much():
     quiet = np.array([0.5, 2.0])
     for energy, factor in ((0.1, 1.0), (3.0, 3.0), (50.0, 50.0)):
-        _, found = variance_factor(quiet, energy * quiet, quiet, ENERGY_LENGTH)
+        _, found = noise_factor(quiet, energy * quiet, quiet, ENERGY_LENGTH)
         np.testing.assert_allclose(found, factor)
-    mean, _ = variance_factor(quiet, 3.0 * quiet, quiet, 0.5 * ENERGY_LENGTH)
+    mean, _ = noise_factor(quiet, 3.0 * quiet, quiet, 0.5 * ENERGY_LENGTH)
     np.testing.assert_allclose(mean, 2.0 * quiet)

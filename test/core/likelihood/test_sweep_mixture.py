@@ -43,7 +43,7 @@ def evaluated(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Log-likelihoods at the nodes of a strain, V, of a sweep without an offset: of states and of anchors."""
     layout = model.noise.layout
-    nodes, expected = model.expected(np.concatenate([STATES, STATES]))
+    nodes, expected = model.map_at(np.concatenate([STATES, STATES]))
     level = np.full(layout.size, level_variance)
     innovation = Innovation(model.whitened(strain), np.zeros_like(expected), level)
     every = np.ones(layout.phalanges)
