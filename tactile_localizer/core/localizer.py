@@ -19,7 +19,7 @@ from tactile_localizer.core.hypotheses.convergence import (
     State,
     probability_within,
 )
-from tactile_localizer.core.hypotheses.explanations import ELSEWHERE, Explanations
+from tactile_localizer.core.hypotheses.explanations import RELOCATION_DISTANCE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.other_material import ENERGY_LENGTH, noise_factor
@@ -318,7 +318,7 @@ class Localizer:
         belief = self.filter.update(exponent * position)
         weights = self.filter.weights()
         tracked = normalize(prediction.log_weights + exponent * at_states)[1] / exponent
-        far = self._motion.travels(self._anchors.states - belief.mean) > ELSEWHERE
+        far = self._motion.travels(self._anchors.states - belief.mean) > RELOCATION_DISTANCE
         explanations = sweep.explanations.update(
             update_travel,
             np.where(far, exponent * (at_anchors - tracked), -np.inf),
@@ -350,7 +350,9 @@ class Localizer:
         anchors.move(displacement)
         injection = None
         if sweep.explanations.injection:
-            injection = Injection(sweep.explanations.injection, anchors, np.exp(sweep.explanations.elsewhere))
+            injection = Injection(
+                sweep.explanations.injection, anchors, np.exp(sweep.explanations.anchor_log_weights)
+            )
         prediction = self.filter.predict(displacement, travel, injection)
         explanations = sweep.explanations.predict(travel, prediction.left)
         before = len(sweep.weights)

@@ -55,7 +55,7 @@ def test_parts_of_a_measurement_add_up_to_the_whole() -> None:
     for _ in range(4):
         parts = parts.update(0.05, 0.25 * elsewhere, 0.25 * 0.7)
     assert parts[:3] == pytest.approx(whole[:3])
-    np.testing.assert_allclose(parts.elsewhere, whole.elsewhere)
+    np.testing.assert_allclose(parts.anchor_log_weights, whole.anchor_log_weights)
 
 
 # The level and rate by which a sweep differs from the scan.

@@ -12,7 +12,7 @@ from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.hypotheses.explanations import ELSEWHERE
+from tactile_localizer.core.hypotheses.explanations import RELOCATION_DISTANCE
 from tactile_localizer.errors import MeasurementError
 
 OF = scene()
@@ -174,9 +174,9 @@ def test_a_hand_put_down_elsewhere_is_soon_converged_there_and_not_before(locali
 def test_a_hand_near_the_estimate_is_tracked_and_not_relocated():
     localizer = build()
     *_, (_, estimate) = slide(localizer)
-    near = np.linalg.norm(localizer._anchors.states - estimate.mean, axis=1) < 0.8 * ELSEWHERE
+    near = np.linalg.norm(localizer._anchors.states - estimate.mean, axis=1) < 0.8 * RELOCATION_DISTANCE
     assert near.sum() > 10
-    assert not np.exp(localizer.explanations.elsewhere)[near].any()
+    assert not np.exp(localizer.explanations.anchor_log_weights)[near].any()
 
 
 def test_a_strain_is_worth_less_the_longer_the_information_length():

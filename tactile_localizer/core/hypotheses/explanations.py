@@ -16,9 +16,9 @@ material is the scanned one as probably as not. By judgement."""
 RELOCATION_RATE = 1.0
 """Rate at which a hand is placed anywhere on the map, from on it or from elsewhere, per metre of travel. By
 judgement."""
-ELSEWHERE = 0.01
-"""Distance from the estimate beyond which an anchor is elsewhere, and least travel over which it must explain
-the strain better, m. By judgement."""
+RELOCATION_DISTANCE = 0.01
+"""Distance from the estimate of places to which a hand is relocated, and least travel over which they must
+explain the strain better, m. By judgement."""
 
 
 class Explanations(NamedTuple):
@@ -29,13 +29,13 @@ class Explanations(NamedTuple):
     tracked : the hand is on the map, where the filter follows it
     relocated : it was placed elsewhere on the map
     other : it is on other material, featureless or not
-    elsewhere : (R,) normalized log-weights of the anchors, given that the hand was relocated
+    anchor_log_weights : (R,) normalized, of the anchors, given that the hand was relocated
     """
 
     tracked: float
     relocated: float
     other: float
-    elsewhere: np.ndarray
+    anchor_log_weights: np.ndarray
 
     @classmethod
     def start(cls, anchors: int) -> Explanations:
@@ -60,7 +60,7 @@ class Explanations(NamedTuple):
 
         Where :attr:`injection` is not zero, the filter has taken in the belief of a relocated hand.
         """
-        tracked, relocated, other, elsewhere = self
+        tracked, relocated, other, log_weights = self
         if self.injection:
             tracked, relocated = tracked + relocated, 0.0
         returned = -math.expm1(-travel / PATCH_LENGTH) * other
@@ -70,31 +70,31 @@ class Explanations(NamedTuple):
         tracked, relocated = on_map[0] + returned, on_map[1]
         moved = -math.expm1(-RELOCATION_RATE * travel)
         arriving = moved * (tracked + other)
-        uniform = math.log(max(arriving, 1e-300) / len(elsewhere))
-        elsewhere = np.logaddexp(math.log(max(relocated, 1e-300)) + elsewhere, uniform)
+        uniform = math.log(max(arriving, 1e-300) / len(log_weights))
+        log_weights = np.logaddexp(math.log(max(relocated, 1e-300)) + log_weights, uniform)
         return Explanations(
             tracked * (1.0 - moved),
             relocated + arriving,
             other * (1.0 - moved),
-            normalize(elsewhere)[0],
+            normalize(log_weights)[0],
         )
 
-    def update(self, travel: float, elsewhere: np.ndarray, other: float) -> Explanations:
+    def update(self, travel: float, at_anchors: np.ndarray, other: float) -> Explanations:
         """Take in log-likelihoods of a strain, relative to that of the filter's belief and tempered.
 
         Parameters
         ----------
         travel : m since the last update
-        elsewhere : (R,) of the anchors; ``-inf``: so near the estimate that the hand is tracked
+        at_anchors : (R,); ``-inf``: so near the estimate that the hand is tracked
         other : of other material
         """
-        elsewhere, relocated = normalize(self.elsewhere + elsewhere)
+        log_weights, relocated = normalize(self.anchor_log_weights + at_anchors)
         # What a finger brushes over a few millimetres is no reason to give up what explains it so far.
-        against = -math.log(RELOCATION_RATE * ELSEWHERE)
-        relocated = min(relocated, max(other, 0.0) + against * travel / ELSEWHERE)
+        against = -math.log(RELOCATION_RATE * RELOCATION_DISTANCE)
+        relocated = min(relocated, max(other, 0.0) + against * travel / RELOCATION_DISTANCE)
         logs = np.array([_log(self.tracked), _log(self.relocated) + relocated, _log(self.other) + other])
         tracked, relocated, other = np.exp(normalize(logs)[0]).tolist()
-        return Explanations(tracked, relocated, other, elsewhere)
+        return Explanations(tracked, relocated, other, log_weights)
 
 
 def _log(probability: float) -> float:

@@ -155,11 +155,13 @@ def innovations(
     if level_variance == 0.0:
         return values
     count, channels = values.shape
-    scale, largest = np.ones(channels), np.inf
+    typical_step, largest = np.ones(channels), np.inf
     if robust and count > 1:
-        scale = np.maximum(np.median(np.abs(np.diff(values, axis=0)), axis=0), np.finfo(np.float64).tiny)
+        typical_step = np.maximum(
+            np.median(np.abs(np.diff(values, axis=0)), axis=0), np.finfo(np.float64).tiny
+        )
         largest = OUTLIER * channels
     drift = Drift(memory, 1.0, np.full(channels, level_variance), largest)
-    found = drift.along(values / scale, pitch, 1.0)[0] * scale
+    found = drift.along(values / typical_step, pitch, 1.0)[0] * typical_step
     found[:1] *= drift.prior / (1.0 + drift.prior)  # the less, the less is known of the level
     return found

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.hypotheses.explanations import ELSEWHERE, Explanations
+from tactile_localizer.core.hypotheses.explanations import RELOCATION_DISTANCE, Explanations
 
 PLACES, PITCH = 20, 0.0005
 IMPOSSIBLE = -math.inf
@@ -28,7 +28,7 @@ def test_probabilities_always_sum_to_one(steps: list[tuple[float, ...]]) -> None
         explanations = explanations.predict(travel, left)
         explanations = explanations.update(travel, at_one_place(elsewhere), other)
         assert sum(explanations[:3]) == pytest.approx(1.0)
-        assert np.exp(explanations.elsewhere).sum() == pytest.approx(1.0)
+        assert np.exp(explanations.anchor_log_weights).sum() == pytest.approx(1.0)
         assert 0.0 <= explanations.injection <= 1.0
 
 
@@ -50,8 +50,8 @@ def relocated(nats: float, places: int = PLACES, travel: float = 0.05) -> tuple[
 def test_a_relocated_hand_takes_over_once_another_place_explains_more() -> None:
     explanations, _ = relocated(2.0)
     assert explanations.relocated > explanations.tracked
-    assert Explanations(0.31, 0.3, 0.39, explanations.elsewhere).injection == 0.0
-    assert explanations.elsewhere.argmax() == 1
+    assert Explanations(0.31, 0.3, 0.39, explanations.anchor_log_weights).injection == 0.0
+    assert explanations.anchor_log_weights.argmax() == 1
     assert explanations.injection == pytest.approx(explanations.relocated / explanations.on_map)
     moved = explanations.predict(0.0, 0.0)
     assert moved.relocated == 0.0
@@ -69,7 +69,7 @@ def test_another_place_gains_on_other_material_that_explains_less() -> None:
 def test_it_takes_a_centimetre_however_much_better_the_other_place_is(nats: float, places: int) -> None:
     """What a finger brushes over is no reason to give a place up."""
     _, travel = relocated(nats, places)
-    assert ELSEWHERE <= travel <= 1.3 * ELSEWHERE
+    assert RELOCATION_DISTANCE <= travel <= 1.3 * RELOCATION_DISTANCE
 
 
 def test_of_a_place_near_the_estimate_no_hand_is_relocated() -> None:
