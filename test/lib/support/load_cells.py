@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import can
 import numpy as np
@@ -15,6 +16,17 @@ PERIOD_NS = 5_000_000
 
 START_NS = 1_700_000_000_000_000_000
 """Stamp of the first cycle, ns."""
+
+HEAD = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: hand\n\n'
+"""Of a DBC whose messages follow."""
+
+CLASSIC = resource_path("config/loadcells.dbc").read_text()
+
+
+def write_dbc(path: Path, text: str) -> Path:
+    """Write a DBC; returns its path."""
+    path.write_text(text)
+    return path
 
 
 def protocol(phalanges: Sequence[str] = ("index", "middle"), dbc: str = "loadcells.dbc") -> LoadCellProtocol:
@@ -42,6 +54,11 @@ def data_of(protocol: LoadCellProtocol, frames: Sequence[can.Message]) -> bytear
         assert kind == FrameKind.DATA
         data[protocol.bytes_of(slot)] = frame.data
     return data
+
+
+def strain_in(hand: LoadCellProtocol, frames: Sequence[can.Message]) -> np.ndarray:
+    """The strain vector, V, of a cycle with these frames."""
+    return hand.decode(data_of(hand, frames))[0]
 
 
 def sample(

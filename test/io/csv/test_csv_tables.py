@@ -1,0 +1,176 @@
+"""Tables of numbers are read as programs write them; what is none is refused in one line."""
+
+import gzip
+import os
+import time
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from support.csv_files import HEADER, LINE, as_text, assert_four_rows, line_rows, write_csv
+
+from tactile_localizer.errors import ScanError
+from tactile_localizer.io.csv.columns import (
+    ColumnNaming,
+    naming_from_pairs,
+)
+from tactile_localizer.io.csv.proposal import propose_scene
+from tactile_localizer.io.csv.recording import read_csv
+from tactile_localizer.io.status import MISSING
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_delimiters_quotes_byte_order_marks_and_gzip_are_read(tmp_path, delimiter):
+    rows = [[f'"{cell}"' if n else cell for n, cell in enumerate(row)] for row in line_rows(4)]
+    text = "\r\n".join(delimiter.join(map(str, row)) for row in [[" stamp_s", *HEADER[1:]], *rows, [""]])
+    for content in (text.encode("utf-8-sig"), gzip.compress(text.encode())):
+        (tmp_path / "a.csv").write_bytes(content)
+        recording = read_csv(tmp_path / "a.csv", LINE)
+        assert recording.notes == ()
+        np.testing.assert_allclose(recording.sweeps[0].position[:, 0], [0, 0.001, 0.002, 0.003])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# " + as_text(),
+        "% " + as_text(separator="\t"),
+        "#" + as_text(separator=" "),
+        "# " + as_text(separator="  ").replace("\n", "  \n  "),
+        "# by hand, on Monday, with care\n# " + as_text(),
+        "# by hand, on Monday, with care\n" + as_text(),
+        "# stamp_s: s, x: m\n" + as_text() + "# the end\n",
+        "sep=;\n" + as_text(separator=";"),
+        "Viewer 2.19; 12 May 2026\nOperator;n.n.\nStep No. 1\nVelocity = 40\n\n" + as_text(),
+        "\n".join(f"Key {n},value,{n}" for n in range(30)) + "\n" + as_text(separator=";"),
+        as_text(rows=[["s", "m", *"V" * 8], ["float"] * 10, *line_rows(4)]),
+        as_text(rows=[*line_rows(2), HEADER, *line_rows(4)[2:]]),
+        as_text([f" {name} " for name in HEADER]),
+        as_text([f'"{name}"' for name in HEADER], separator="; "),
+        as_text().replace("\n", "\r"),
+        as_text().replace("\n", "\r\n\r\n"),
+        as_text(separator=";").replace(".", ","),
+        as_text(separator="\t").replace(".", ","),
+        as_text(separator="\t").replace(".", ",").replace("\n", "\t\n"),
+        as_text([*HEADER, "Comment"], separator="\t").replace(".", ","),
+    ],
+)
+def test_header_separator_and_decimal_sign_are_found(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text, newline="")
+    assert_four_rows(read_csv(tmp_path / "a.csv", LINE))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+def test_names_of_any_encoding_are_found(tmp_path, encoding):
+    header = ["stamp_s", "Weg [µm]", *HEADER[2:]]
+    content = as_text(header, [[row[0], 1e6 * row[1], *row[2:]] for row in line_rows(4)]).encode(encoding)
+    naming = naming_from_pairs(["x=Weg [µm]*1e-6"], ColumnNaming())
+    for stored in (content, gzip.compress(content)):
+        (tmp_path / "a.csv").write_bytes(stored)
+        assert_four_rows(read_csv(tmp_path / "a.csv", LINE, naming))
+
+
+def test_thousands_beside_decimal_points_are_not_taken_for_decimal_commas(tmp_path):
+    rows = line_rows(4)
+    rows[2][4] = "1,002"
+    path = write_csv(tmp_path / "a.csv", HEADER, rows, delimiter=";")
+    recording = read_csv(path, LINE)
+    assert recording.notes == (
+        f"skipped 1 of 4 rows of {path} (first: line 4, column index_3: expected a number, found '1,002' "
+        "(a decimal comma? write points, or separate by semicolons))",
+    )
+
+
+@pytest.mark.parametrize(
+    "spelling", ["", " ", "nan", "NaN", "-nan", "NA", "N/A", "#N/A", "null", "None", "-"]
+)
+def test_a_strain_that_is_missing_is_nan_in_any_spelling(tmp_path, spelling):
+    rows = line_rows(4)
+    rows[1][4] = rows[2][4] = rows[3][5] = spelling
+    path = write_csv(tmp_path / "a.csv", HEADER, rows)
+    recording = read_csv(path, LINE)
+    (sweep,) = recording.sweeps
+    np.testing.assert_array_equal(np.isnan(sweep.strain[:, 2:4]), [[0, 0], [1, 0], [1, 0], [0, 1]])
+    assert sweep.status[:, 0].tolist() == [0, MISSING, MISSING, MISSING]
+    assert recording.notes == (f"{path}: no number in index_3 (2 of 4 rows), index_4 (1 of 4 rows)",)
+
+
+HEAD = ",".join(HEADER) + "\n"
+SWEEPS = ",".join(["sweep", *HEADER]) + "\n"
+ROW = ",0" + ",1" * 8 + "\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "expected a CSV file, No such file"),
+        ("", "expected a column for stamp_s .*, found no header"),
+        ("stamp_s,x\n1,2\n", "expected a column for index .*, found stamp_s, x; .* --column index=NAME1..8"),
+        (b"\xff\xfd\x00\x80" * 50, "expected a CSV file, found one that is no text"),
+        (b"PK\x03\x04\x14\x00\x06", r"expected a CSV file, found one that is no text \(a spreadsheet"),
+        ("stamp_s\n".encode("utf-16"), "expected a column for x .*, found stamp_s"),
+        (HEAD + ("0" + ROW) * 3, "expected stamps that increase, found 0 s in all 3 rows"),
+        (b"\x1f\x8b\x08", "expected a CSV file, Compressed file ended"),
+        (HEAD, "expected rows of numbers, found none in 0 rows"),
+        (HEAD + "a" + ROW, "found none in 1 rows .line 2, column stamp_s: expected a number, found 'a'"),
+        (HEAD + "1,0" + ",5" * 16, "line 2: expected 10 cells as in the header, found 18 .decimal commas"),
+        (
+            HEAD + "1.7e12" + ROW,
+            r"a stamp in s, found 1.7e\+12 .another unit\? --column stamp_s=stamp_s\*0.001",
+        ),
+        (HEAD + "17e17" + ROW, r"found 1.7e\+18 \(another unit\? .* \*1e-9 for ns"),
+        ("x," + HEAD, "expected one column 'x', found 2"),
+        (SWEEPS + "0.5,0" + ROW, "whole numbers in the column of the sweeps, found 0.5"),
+        (SWEEPS + "-1,0" + ROW, "whole numbers in the column of the sweeps, found -1"),
+        (SWEEPS + "".join(f"{n % 2},{n}{ROW}" for n in range(3)), "together, found sweeps 0, 1, 0"),
+    ],
+)
+def test_unusable_files_are_refused(tmp_path, content, message):
+    path = tmp_path / "a.csv"
+    if content is not None:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(ScanError, match=message) as refusal:
+        read_csv(path, LINE)
+    assert str(refusal.value).startswith(str(path))
+    assert "\n" not in str(refusal.value)
+
+
+def test_what_would_never_end_or_fill_the_memory_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", "/dev/zero", tmp_path):
+        with pytest.raises(ScanError, match=r"expected a CSV file, found (no regular file|a directory)"):
+            read_csv(path, LINE)
+    with gzip.open(tmp_path / "bomb.csv.gz", "wt") as file:
+        file.write(HEAD + "0" * 2**25)
+    with pytest.raises(ScanError, match="expected lines of less than 1048576 characters"):
+        read_csv(tmp_path / "bomb.csv.gz", LINE)
+    with gzip.open(tmp_path / "many.csv.gz", "wb", 1) as file:
+        file.write(HEAD.encode() + b"0,0,1,1,1,1,1,1,1,1\n" * 4_000_000)
+    begun_s = time.monotonic()
+    with pytest.raises(ScanError, match=r"expected at most \d+ rows, found \d+; split it by sweeps"):
+        read_csv(tmp_path / "many.csv.gz", LINE)
+    assert time.monotonic() - begun_s < 5
+    (tmp_path / "wide.csv").write_text(",".join(f"c{n}c" for n in range(10**5)) + "\n")
+    with pytest.raises(ScanError, match="and 99980 more") as refusal:
+        read_csv(tmp_path / "wide.csv", LINE)
+    assert len(str(refusal.value)) < 1000
+
+
+@pytest.mark.parametrize("repeated", ["1", "_", " ", "1,", "-", "a1."])
+@pytest.mark.parametrize("place", ["header", "row", "naming"])
+def test_long_cells_take_no_longer_than_others(tmp_path, repeated, place):
+    cell = repeated * 50_000 + "x"
+    header, rows, naming = [*HEADER, "more"], [[*row, ""] for row in line_rows(4)], ColumnNaming()
+    begun_s = time.process_time()
+    with suppress(ScanError):
+        if place == "header":
+            header[-1] = cell
+        elif place == "row":
+            rows[2][0] = cell
+        else:
+            naming = naming_from_pairs([f"stamp_s={cell}", f"index={cell}"], naming)
+        path = write_csv(tmp_path / "a.csv", header, rows, delimiter="\t")
+        assert len(read_csv(path, LINE, naming)) == 4 - (place == "row")
+    with suppress(ScanError):
+        propose_scene("own", [str(write_csv(tmp_path / "b.csv", header[:1] + header[-1:], rows))], naming)
+    assert time.process_time() - begun_s < 2
