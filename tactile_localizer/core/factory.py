@@ -155,18 +155,18 @@ def _position_model(
     """Model for the position, and its travel per independent measurement, m; ``None``: the default model."""
     if configuration.model == SWEEP_MIXTURE:
         return None
-    without = _without_offsets(scan, scene, learned.scan.offsets)
+    without = _without_levels(scan, scene, learned.scan.levels)
     model = build_named_model(configuration.model, without, scene)
     own_length = getattr(model, "information_length", None)
     return model, own_length or calibration.examination.information_length
 
 
-def _without_offsets(scan: Scan, scene: Scene, offsets: np.ndarray) -> Scan:
-    """The scan without the offsets (S, C), V, of its sweeps."""
+def _without_levels(scan: Scan, scene: Scene, levels: np.ndarray) -> Scan:
+    """The scan without the levels (S, C), V, of its sweeps."""
     strain = scan.strain.copy()
     channels = scene.channels(scan.phalanges, scan.channels)
     index = np.searchsorted(scan.sweep_numbers, scan.sweep)
-    strain[:, channels] -= offsets[index]
+    strain[:, channels] -= levels[index]
     return replace(scan, strain=strain)
 
 

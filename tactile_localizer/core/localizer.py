@@ -370,7 +370,7 @@ class Localizer:
     def _position_likelihood(
         self, prediction: Prediction, innovation: Innovation, mean_strain: np.ndarray, used: np.ndarray
     ) -> np.ndarray:
-        """Log-likelihoods (P,) by the model for the position, of the strain without the sweep's offset."""
+        """Log-likelihoods (P,) by the model for the position, of the strain without the sweep's level."""
         assert self._position_model is not None
         trend = np.exp(prediction.log_weights) @ innovation.map_trend[: len(prediction.states)]
         level_out = self.model.in_volts(mean_strain, innovation.of_strain + innovation.turned + trend)

@@ -92,7 +92,7 @@ TURNING = np.array([30.0, -10.0])
 def turned_material(level_variance: float = 0.0) -> SweepMixture:
     """Featureless material under one phalanx of two channels, at yaws 0.01 rad apart; variances are one."""
     layout = ChannelLayout((2,))
-    noise = noise_model(layout, offset_variance=level_variance, turning=TURNING)
+    noise = noise_model(layout, level_variance=level_variance, turning=TURNING)
     lattice, same = (YAWS[:1], np.full(1, 0.01), (41,)), np.zeros((41, 1, 2), np.float32)
     tables = same, np.ones((41, 1, 1), np.float32), same[..., 0]
     strain_map = StrainMap(*lattice, *tables, 0.0, TURNING[None])

@@ -42,7 +42,7 @@ class SweepModel(NamedTuple):
         visit = float(np.median(table.variance))
         signal = float(np.square(table.mean[:, 0]).sum(axis=1).max())
         largest = OUTLIER * (signal + noise.layout.size * visit)
-        drift = Drift(material.memory, visit, noise.offset_variance, largest)
+        drift = Drift(material.memory, visit, noise.level_variance, largest)
         return SweepMixture(noise, table, drift, self._other(scene, table, visit), material)
 
     def part(self, points: np.ndarray) -> SweepModel:
@@ -50,9 +50,7 @@ class SweepModel(NamedTuple):
         scan = self.scan
         tracks, of = scan.tracks.part(points)
         kept = {name: getattr(scan, name)[points] for name in ("strain", "signal")}
-        return self._replace(
-            scan=scan._replace(tracks=tracks, held_out=None, offsets=scan.offsets[of], **kept)
-        )
+        return self._replace(scan=scan._replace(tracks=tracks, held_out=None, levels=scan.levels[of], **kept))
 
     def quiet_energy(self, mixture: SweepMixture, information_length: float) -> np.ndarray:
         """Usual energy (F,) of the innovations of the scan's sweeps from featureless material.

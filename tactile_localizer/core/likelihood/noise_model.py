@@ -1,6 +1,6 @@
 """Noise of one visit to a place, estimated from the differences between the sweeps of a scan.
 
-The map, the alternatives to it and the offset of a sweep all use this noise model.
+The map, the alternatives to it and the level of a sweep all use this noise model.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class NoiseModel:
     inverse : (C, W) V, of whitened strains
     variance : (C,) V^2, of a visit in raw channels
     log_volume : (F,) logarithms of the volumes of its blocks, for densities over strains in volts
-    offset_variance : (W,) whitened variance of the level of a new sweep; infinite: it is unknown
+    level_variance : (W,) whitened variance of the level of a new sweep; infinite: it is unknown
     turning : (W,) change of the whitened featureless strain per rad of yaw: friction turns with the hand
     white : white noise of the scan's channels
     """
@@ -68,7 +68,7 @@ class NoiseModel:
     inverse: np.ndarray
     variance: np.ndarray
     log_volume: np.ndarray
-    offset_variance: np.ndarray
+    level_variance: np.ndarray
     turning: np.ndarray
     white: WhiteNoise
 
@@ -95,9 +95,9 @@ class WhitenedScan(NamedTuple):
     held_out : tracks interpolated between the others; ``None`` of a single sweep
     material : what the model takes from the kind of the material
     noise : the noise model
-    offsets : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
-        offset is known
-    strain : (n, W) of the tracks' points, whitened, without the offsets
+    levels : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
+        level is known
+    strain : (n, W) of the tracks' points, whitened, without the levels
     signal : (n, W) its reproducible part: exactly zero where nothing is reproducible
     """
 
@@ -106,7 +106,7 @@ class WhitenedScan(NamedTuple):
     held_out: HeldOut | None
     material: Material
     noise: NoiseModel
-    offsets: np.ndarray
+    levels: np.ndarray
     strain: np.ndarray
     signal: np.ndarray
 
@@ -166,15 +166,17 @@ def _whitened(
     """A scan of a material, whitened; its channels have the ``resolution`` (C,), V."""
     number, pitch = tracks.number, tracks.pitch
     felt, resolution = tracks.strain @ directions.T, np.sqrt(np.square(directions) @ resolution**2)
-    level = np.array([np.median(felt[own], axis=0) for own in tracks.slices])
-    differences = _differences(felt - level[number], held_out, spacing, Material(1.0), pitch)
+    middle = np.array([np.median(felt[own], axis=0) for own in tracks.slices])
+    differences = _differences(felt - middle[number], held_out, spacing, Material(1.0), pitch)
     first = _whitening(differences, resolution, layout, Material(1.0))
-    level = np.array([_featureless_strain(tracks.strain[own], felt[own] @ first.T) for own in tracks.slices])
+    featureless = np.array(
+        [_featureless_strain(tracks.strain[own], felt[own] @ first.T) for own in tracks.slices]
+    )
     # The less of a sweep is featureless, the less is known of its level.
-    turning = _turning(level, tracks)
-    offsets = level - np.outer(_yaws(tracks), turning)
-    centre = offsets.mean(axis=0)
-    strain = (tracks.strain - material.mixed(level, centre)[number]) @ directions.T
+    turning = _turning(featureless, tracks)
+    level = featureless - np.outer(_yaws(tracks), turning)
+    centre = level.mean(axis=0)
+    strain = (tracks.strain - material.mixed(featureless, centre)[number]) @ directions.T
     differences = _differences(strain, held_out, spacing, material, pitch)
     square = _whitening(differences, resolution, layout, material)
     whitening, inverse = square @ directions, back @ np.linalg.inv(square)
@@ -186,7 +188,7 @@ def _whitened(
         inverse,
         np.square(inverse).sum(axis=1) + np.square(left_out) @ white.variance[0],
         np.array([np.log(np.diag(square)[own]).sum() for own in layout.slices]),
-        material.session_ratio * _offset_variance(offsets @ whitening.T, layout),
+        material.session_ratio * _level_variance(level @ whitening.T, layout),
         material.sheet * whitening @ turning,
         white,
     )
@@ -194,8 +196,8 @@ def _whitened(
     kept = material.mixed(
         _kept(strain, layout, tracks), _reproducible_fraction(strain, held_out, material, pitch)
     )
-    offsets = material.sheet * (offsets - centre)
-    return WhitenedScan(tracks, spacing, held_out, material, noise, offsets, strain, kept * strain)
+    levels = material.sheet * (level - centre)
+    return WhitenedScan(tracks, spacing, held_out, material, noise, levels, strain, kept * strain)
 
 
 def _texture_ratio(scan: WhitenedScan, held_out: HeldOut) -> float:
@@ -225,7 +227,7 @@ def _wander(scan: WhitenedScan, held_out: HeldOut) -> float:
     residual = (scan.strain[held_out.points] - expected.mean[:, 0]) / np.sqrt(layout.expand(variance))
     exponent, total = min(1.0, pitch / _INDEPENDENT), 0.0
     for memory, sign in ((WANDER_LENGTH, 1.0), (math.inf, -1.0)):
-        drift = Drift(memory, 1.0, np.maximum(scan.noise.offset_variance, 1e-6), OUTLIER * layout.size)
+        drift = Drift(memory, 1.0, np.maximum(scan.noise.level_variance, 1e-6), OUTLIER * layout.size)
         for own in held_out.slices:
             innovations, level = drift.along(residual[own], pitch, exponent)
             variance = 1.0 + layout.mean(level)
@@ -305,9 +307,9 @@ def _turning(level: np.ndarray, tracks: Tracks) -> np.ndarray:
     return np.asarray(away @ level / spread) if spread > 0.0 else np.zeros(level.shape[1])
 
 
-def _offset_variance(offsets: np.ndarray, layout: ChannelLayout) -> np.ndarray:
-    """Variance (C,) of the sweeps' offsets (S, C), averaged with its mean over the phalanx (few sweeps)."""
-    variance = offsets.var(axis=0, ddof=min(1, len(offsets) - 1)) + np.finfo(np.float64).tiny
+def _level_variance(levels: np.ndarray, layout: ChannelLayout) -> np.ndarray:
+    """Variance (C,) of the sweeps' levels (S, C), averaged with its mean over the phalanx (few sweeps)."""
+    variance = levels.var(axis=0, ddof=min(1, len(levels) - 1)) + np.finfo(np.float64).tiny
     return np.asarray(0.5 * (variance + layout.expand(layout.mean(variance))))
 
 

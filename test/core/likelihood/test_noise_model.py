@@ -144,11 +144,11 @@ def test_featureless_places_are_exactly_equal() -> None:
     assert estimate.signal[middle].any(axis=1).all()
 
 
-def test_where_the_material_is_felt_everywhere_an_offset_cannot_be_told_from_a_place() -> None:
+def test_where_the_material_is_felt_everywhere_a_level_cannot_be_told_from_a_place() -> None:
     estimate = as_cloth(cloth())
     assert estimate.material.sheet == 0.0
-    assert not estimate.offsets.any()
-    assert np.isinf(estimate.noise.offset_variance).all()
+    assert not estimate.levels.any()
+    assert np.isinf(estimate.noise.level_variance).all()
 
 
 def test_on_cloth_featureless_strain_does_not_turn_with_yaw() -> None:
@@ -161,12 +161,12 @@ def test_on_cloth_featureless_strain_does_not_turn_with_yaw() -> None:
     assert not estimate.noise.turning.any()
 
 
-def test_offsets_of_sweeps_are_removed_and_those_of_a_new_session_are_twice_as_large() -> None:
+def test_levels_of_sweeps_are_removed_and_those_of_a_new_session_are_twice_as_large() -> None:
     estimate = whiten(bump_scan(SHEET, offsets=5.0), SHEET)
     assert estimate.material.sheet == 1.0
-    assert estimate.offsets.std(axis=0).mean() == pytest.approx(5.0, rel=0.3)
-    variance = np.var(estimate.offsets @ estimate.noise.whitening.T, axis=0, ddof=1)
-    assert estimate.noise.offset_variance.mean() == pytest.approx(2.0**2 * variance.mean())
+    assert estimate.levels.std(axis=0).mean() == pytest.approx(5.0, rel=0.3)
+    variance = np.var(estimate.levels @ estimate.noise.whitening.T, axis=0, ddof=1)
+    assert estimate.noise.level_variance.mean() == pytest.approx(2.0**2 * variance.mean())
 
 
 def test_strains_outside_the_region_are_zero() -> None:
@@ -207,7 +207,7 @@ def test_nothing_switches_between_cloth_and_sheet(sheet: float, monkeypatch: pyt
         learned = learn_sweep_model(scan, SHEET)
         mixture = learned.mixture(SHEET, learned.cell(SHEET, 1.0))
         model, tables = learned.scan, mixture.map
-        found.append([model.noise.whitening, model.offsets, model.strain, tables.mean, tables.variance])
+        found.append([model.noise.whitening, model.levels, model.strain, tables.mean, tables.variance])
     for one, other in zip(*found, strict=True):
         np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-3 * np.abs(one).max() + 1e-3)
 

@@ -41,7 +41,7 @@ def evaluated(
     level_variance: float = 0.0,
     scale: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Log-likelihoods at the nodes of a strain, V, of a sweep without an offset: of states and of anchors."""
+    """Log-likelihoods at the nodes of a strain, V, of a sweep without a level: of states and of anchors."""
     layout = model.noise.layout
     nodes, expected = model.map_at(np.concatenate([STATES, STATES]))
     level = np.full(layout.size, level_variance)

@@ -25,7 +25,7 @@ def noise_model(
     layout: ChannelLayout,
     width: float = 1.0,
     centre: float = 0.0,
-    offset_variance: float = 0.0,
+    level_variance: float = 0.0,
     turning: np.ndarray | float = 0.0,
 ) -> NoiseModel:
     """Independent channels whose visits deviate by ``width`` V from ``centre``."""
@@ -38,7 +38,7 @@ def noise_model(
         np.eye(size) * width,
         np.full(size, width**2),
         -np.log(width) * np.array(layout.counts),
-        np.full(size, offset_variance),
+        np.full(size, level_variance),
         np.broadcast_to(turning, size),
         white,
     )
@@ -47,10 +47,10 @@ def noise_model(
 def whitened_scan(scan: Scan, scene: Scene) -> WhitenedScan:
     """A scan of a sheet with noise of 1 V, of which every strain is signal."""
     tracks = Tracks.of(scan, scene)
-    spacing, offsets = line_spacing(tracks), np.zeros((len(tracks), scene.layout.size))
+    spacing, levels = line_spacing(tracks), np.zeros((len(tracks), scene.layout.size))
     noise, strain = noise_model(scene.layout), tracks.strain
     return WhitenedScan(
-        tracks, spacing, hold_out(tracks, spacing), Material(1.0), noise, offsets, strain, strain
+        tracks, spacing, hold_out(tracks, spacing), Material(1.0), noise, levels, strain, strain
     )
 
 
