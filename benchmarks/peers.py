@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import particles
 from filterpy.monte_carlo import systematic_resample
+from paper_models import POSITION_STD, STRAIN_STD
 from scipy.spatial.distance import cdist
 
 from tactile_localizer.core.filters.particle import ParticleFilter
@@ -28,10 +29,6 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.paper.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.scene import Scene
 
-POSITION_STD = 0.0254 * math.sqrt(0.0075)
-"""Square root of the paper's S_x, m."""
-STRAIN_STD = math.sqrt(0.001)
-"""Square root of the paper's S_z, V."""
 COUNTS = {75: 40, 1_000: 15, 10_000: 3}
 """Updates of each filter by number of particles."""
 STEP = np.array([0.0005, 0.0])

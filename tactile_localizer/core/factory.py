@@ -24,6 +24,7 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.plausibility import still_travel
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.quantity import number
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
@@ -152,13 +153,19 @@ def _silent(_doing: str, _done: float) -> None:
 def _position_model(
     scan: Scan, scene: Scene, configuration: Configuration, learned: SweepModel, calibration: Calibration
 ) -> tuple[MeasurementModel, float] | None:
-    """Model for the position, and its travel per independent measurement, m; ``None``: the default model."""
+    """Model for the position, and its travel per independent measurement, m; ``None``: the default model.
+
+    Raises
+    ------
+    ParameterError
+        There is no such model, or its ``information_length`` is not positive.
+    """
     if configuration.model == SWEEP_MIXTURE:
         return None
     without = _without_levels(scan, scene, learned.scan.levels)
     model = build_named_model(configuration.model, without, scene)
-    own_length = getattr(model, "information_length", None)
-    return model, own_length or calibration.examination.information_length
+    length = getattr(model, "information_length", calibration.examination.information_length)
+    return model, number(length, f"information_length of {configuration.model}", lower=1e-6)
 
 
 def _without_levels(scan: Scan, scene: Scene, levels: np.ndarray) -> Scan:
