@@ -33,7 +33,6 @@ class Gaussian(MeasurementModel):
     ----------
     scan, scene : training pairs and scene
     neighbours : k; 8 in the paper. If there are fewer pairs, all of them
-    independent : whether the covariance between phalanges is zero
 
     Raises
     ------
@@ -41,7 +40,7 @@ class Gaussian(MeasurementModel):
         Fewer than one neighbour.
     """
 
-    def __init__(self, scan: Scan, scene: Scene, neighbours: int = 8, independent: bool = False) -> None:
+    def __init__(self, scan: Scan, scene: Scene, neighbours: int = 8) -> None:
         if neighbours < 1:
             raise ParameterError(f"neighbours: expected at least 1, got {neighbours}")
         positions, strain = training_pairs(scan, scene)
@@ -50,7 +49,6 @@ class Gaussian(MeasurementModel):
         strain = strain - self._centre
         self._layout = scene.layout
         self._neighbours = min(neighbours, len(positions))
-        self._independent = independent
         self._levers, self._lower = levers(scene), scene.lower
         # The tree takes the period of each axis, zero for none, and places from zero up to it.
         self._period = np.where(scene.wraps, scene.extent * self._levers, 0.0)
@@ -85,10 +83,7 @@ class Gaussian(MeasurementModel):
         return tree.query(places, k=np.arange(1, self._neighbours + 1))[1]
 
     def _factors(self, present: np.ndarray) -> list[np.ndarray]:
-        """Channels of each factor of the density: those of each present phalanx, or of all together."""
-        if self._independent:
-            every = self._layout.split(np.arange(self._layout.size))
-            return [own for own, here in zip(every, present, strict=True) if here]
+        """Channels of each factor of the density: those of the phalanges ``present`` (F,) together."""
         return [np.flatnonzero(self._layout.expand(present))]
 
     def _log_density(self, rows: np.ndarray, strain: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -126,8 +121,9 @@ class Gaussian(MeasurementModel):
 class IndependentGaussian(Gaussian):
     """The same without covariance between the phalanges (dashed line in the paper's Fig. 5)."""
 
-    def __init__(self, scan: Scan, scene: Scene, neighbours: int = 8) -> None:
-        super().__init__(scan, scene, neighbours, independent=True)
+    def _factors(self, present: np.ndarray) -> list[np.ndarray]:
+        every = self._layout.split(np.arange(self._layout.size))
+        return [own for own, here in zip(every, present, strict=True) if here]
 
 
 def ridge(covariance: np.ndarray, samples: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from support.scans import SIDE, scan, scene, strain_at
 
 from tactile_localizer.errors import ParameterError, SceneError
 from tactile_localizer.paper.featureless import Featureless
-from tactile_localizer.paper.gaussian import Gaussian
+from tactile_localizer.paper.gaussian import Gaussian, IndependentGaussian
 from tactile_localizer.paper.sum_of_gaussians import SumOfGaussians
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
@@ -28,7 +28,7 @@ def build(model, made=SCAN, of=OF, position_std=0.003, strain_std=0.06, neighbou
         return SumOfGaussians(made, of, position_std, strain_std)
     if model == "featureless":
         return Featureless(made, of, position_std, strain_std)
-    return Gaussian(made, of, neighbours, independent=model == "gaussian_independent")
+    return (Gaussian if model == "gaussian" else IndependentGaussian)(made, of, neighbours)
 
 
 KERNELS, GAUSSIANS = ["sum_of_gaussians", "featureless"], ["gaussian", "gaussian_independent"]

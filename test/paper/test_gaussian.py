@@ -10,7 +10,7 @@ from support.scans import scan, scene, strain_at
 
 from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.paper.gaussian import Gaussian
+from tactile_localizer.paper.gaussian import Gaussian, IndependentGaussian
 
 STATE = np.array([0.021, 0.033])
 
@@ -43,7 +43,7 @@ def test_the_density_is_a_gaussian_of_the_nearest_pairs(k, of):
 def test_independent_phalanges_multiply(k):
     of = scene()
     made = scan(np.random.default_rng(1), of, 300)
-    model = Gaussian(made, of, k, independent=True)
+    model = IndependentGaussian(made, of, k)
     states = of.lower + np.random.default_rng(2).random((40, 2)) * 0.05
     measured = strain_at(STATE[None])[0]
     apart = [model.log_likelihood(states, measured, present) for present in np.eye(2, dtype=bool)]
