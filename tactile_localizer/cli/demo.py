@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import shlex
+import shutil
 import time
 from pathlib import Path
 
 from tactile_localizer.cli import main
+from tactile_localizer.cli.outputs import require_picture, require_writable
 from tactile_localizer.cli.recordings import add_seed_argument
-from tactile_localizer.errors import LiveError
+from tactile_localizer.errors import LiveError, ParameterError
+from tactile_localizer.io.whole_file import RESULT, is_result, writing
 from tactile_localizer.sim.material import SIMULATED_FEATURES
 
+_MARK = "log/session.txt"
+"""File by which a demo recognizes the folder of an earlier one."""
 _WIDTH = 79
 """Longest printed line, characters."""
 
@@ -39,18 +45,29 @@ def run(args: argparse.Namespace) -> int:
     ------
     LiveError
         A node failed, or a frame, a strain vector or a sweep was lost.
+    ParameterError
+        The folder has a scan, a bag or logs that no earlier demo left there.
     """
+    figures, picture = args.out / "replay.json", args.out / "replay.png"
+    require_writable(figures, args)
+    require_picture(picture, args)
+    earlier = _earlier(args.out)
     from tactile_localizer.demo.session import record_session
 
+    for path in earlier:
+        shutil.rmtree(path, ignore_errors=True)
+    mark = args.out / _MARK
+    with writing(mark):
+        mark.parent.mkdir(parents=True)
+        mark.write_text(f"{RESULT} demo: the next one in this folder replaces scan, bag and log\n")
     begun_s = time.monotonic()
 
     def say(text: str) -> None:
         print(f"{time.monotonic() - begun_s:5.1f} s  {text}"[:_WIDTH], flush=True)
 
     lost = record_session(args.feature, args.out, args.seed, args.speed, args.sweeps, say)
-    figures = args.out / "replay.json"
     replay = ["replay", f"{args.out}/bag", "--scan", f"{args.out}/scan"]
-    replay += ["--plot", f"{args.out}/replay.png", "--json", str(figures)]
+    replay += ["--plot", str(picture), "--json", str(figures)]
     print(f"\n$ tactile-localizer {shlex.join(replay[:4])} \\\n    {shlex.join(replay[4:])}", flush=True)
     status = main(replay)
     if lost:
@@ -60,3 +77,13 @@ def run(args: argparse.Namespace) -> int:
             f"expected {args.sweeps} sweeps in the bag, found {recorded}; the machine is too busy"
         )
     return status
+
+
+def _earlier(folder: Path) -> list[Path]:
+    """Scan, bag and log in a folder, which must be those of an earlier demo."""
+    found = [path for name in ("scan", "bag", "log") if os.path.lexists(path := folder / name)]
+    if found and not is_result(folder / _MARK):
+        raise ParameterError(
+            f"{found[0]}: expected none, or that of an earlier demo, found another; choose another folder"
+        )
+    return found

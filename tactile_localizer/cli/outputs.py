@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.io.whole_file import whole_file, writing
+from tactile_localizer.io.whole_file import RESULT, is_result, whole_file, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,7 +40,7 @@ _DPI = 120
 
 
 def require_writable(path: Path, args: argparse.Namespace) -> None:
-    """Require that a file can be written and replaces no input; its folder may be missing.
+    """Require that a file can be written and replaces none but an earlier result; its folder may be missing.
 
     Parameters
     ----------
@@ -50,7 +50,8 @@ def require_writable(path: Path, args: argparse.Namespace) -> None:
     Raises
     ------
     ParameterError
-        It is an input, or in a folder that is one, also by another name (links).
+        It is an input, or in a folder that is one, also by another name (links); or it exists, and is no
+        result that this program wrote.
     ScanError
         It is a folder, or no file can be made in its folder.
     """
@@ -67,6 +68,11 @@ def require_writable(path: Path, args: argparse.Namespace) -> None:
         inside = given.glob("**/*") if hard_linked else ()
         if own & _identities((given, *inside)):
             raise ParameterError(f"{path}: expected another file than the inputs, found it in {given}")
+    if os.path.lexists(place) and not is_result(place):
+        raise ParameterError(
+            f"{path}: expected no file, or an earlier result to replace, found another file; remove it, or "
+            "choose another name"
+        )
 
 
 def _inputs(args: argparse.Namespace) -> Iterator[Path]:
@@ -115,7 +121,7 @@ def write_picture(path: Path, figure: Figure) -> None:
         The file cannot be written.
     """
     with whole_file(path) as unfinished:
-        figure.savefig(unfinished, dpi=_DPI)
+        figure.savefig(unfinished, dpi=_DPI, metadata={"Title": RESULT})
     print(path)
 
 

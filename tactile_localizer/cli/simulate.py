@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tactile_localizer.cli.outputs import require_writable
 from tactile_localizer.cli.recordings import add_seed_argument
 from tactile_localizer.io.csv.columns import channel_names
 from tactile_localizer.io.recording import Recording
@@ -34,6 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the training sweeps with the arm's positions, and the test sweeps with the true ones."""
     channels = tuple(args.channels)
+    for name in ("train.csv", "test.csv", *["scene.yaml"] * bool(channels)):
+        require_writable(args.output / name, args)
     simulate = partial(simulate_recording, args.feature, args.seed, channels=channels)
     train = simulate("train", sweeps=args.train)
     test = simulate("test", sweeps=args.test)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import signal
 import threading
 import time
@@ -223,12 +222,12 @@ def record_session(
 ) -> int:
     """Scan a simulated feature and localize on the scan, with all nodes; returns how many frames were lost.
 
-    Writes ``scan``, ``bag`` and ``log`` in place of earlier ones.
+    Writes ``scan``, ``bag`` and ``log``.
 
     Parameters
     ----------
     feature : feature in the simulated material
-    folder : folder of the output
+    folder : folder of the output, with none of these
     seed : seed of all random numbers
     speed : simulated seconds per second of real time
     sweeps : number of sweeps to localize
@@ -243,9 +242,7 @@ def record_session(
     """
     logs, scan, store = folder / "log", folder / "scan", typestore()
     try:
-        for path in (logs, scan, folder / "bag"):
-            shutil.rmtree(path, ignore_errors=True)
-        logs.mkdir(parents=True)
+        logs.mkdir(parents=True, exist_ok=True)
         writer = Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
     except (OSError, WriterError) as error:
         raise LiveError(f"{folder}: expected a writable folder, {error}") from None

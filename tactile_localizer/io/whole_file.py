@@ -1,4 +1,7 @@
-"""Files as a whole: reading of regular files only, and writing that appears only when it is complete."""
+"""Files as a whole: reading of regular files only, and writing that appears only when it is complete.
+
+A command replaces only what :func:`is_result`; recordings, scans and everything else of the user's stay.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,22 @@ from pathlib import Path
 from typing import BinaryIO
 
 from tactile_localizer.errors import ScanError, TactileLocalizerError
+
+RESULT = "result of tactile-localizer"
+"""Text in the first or last bytes of each file that a command may replace."""
+_ENDS = 4096
+"""How many bytes these are."""
+
+
+def is_result(path: str | Path) -> bool:
+    """Whether a path is a file that a command wrote, which can write it again."""
+    try:
+        with open_file(path) as file:
+            begin = file.read(_ENDS)
+            file.seek(-len(begin), os.SEEK_END)
+            return RESULT.encode() in begin + file.read()
+    except OSError:
+        return False
 
 
 def open_file(path: str | Path) -> BinaryIO:

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.io.whole_file import whole_file
+from tactile_localizer import __version__
+from tactile_localizer.io.whole_file import RESULT, whole_file
 
 
 def plain(value: Any) -> Any:
@@ -30,8 +31,8 @@ def plain(value: Any) -> Any:
 
 
 def json_text(value: Mapping[str, Any]) -> str:
-    """``value``, which :func:`plain` converts, as a line of JSON."""
-    return json.dumps(plain(value)) + "\n"
+    """``value``, which :func:`plain` converts, as a line of JSON that begins with its kind and version."""
+    return json.dumps({"kind": RESULT, "version": __version__, **plain(value)}) + "\n"
 
 
 def write_json(path: str | Path, value: Mapping[str, Any]) -> None:

@@ -10,10 +10,13 @@ import types
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 from tactile_localizer import __version__, cli
-from tactile_localizer.cli.outputs import _INPUTS
+from tactile_localizer.cli.outputs import _INPUTS, require_writable, write_picture
 from tactile_localizer.io.scans import FORMAT
+from tactile_localizer.offline.json_file import write_json
+from tactile_localizer.offline.reports.page import html_page
 
 
 @pytest.fixture
@@ -173,6 +176,63 @@ def test_no_output_replaces_an_input(inputs, capsys: pytest.CaptureFixture, argu
     assert "expected another file than the inputs, found it in " in refusal
     assert refusal.count("\n") == 1
     assert {path: path.read_bytes() for path in inputs.rglob("*") if path.is_file()} == before
+
+
+OUTPUTS = {
+    "demo -o D": "scan/scene.yaml bag/metadata.yaml log/a.log replay.json replay.png",
+    "import csv a.csv --scene s/scene.yaml -o D/scan": "scan/scene.yaml scan/a scan",
+    "import csv a.csv -o D/scan": "scan.scene.yaml",
+    "scan info s --json D/a.json": "a.json",
+    "scan info s --report D/a.html": "a.html",
+    "scan plot s -o D": "map_index.png",
+    "tradeoff a.csv --scan s -o D --target-mm 1": "tradeoff.png tradeoff.json configuration.yaml",
+    "replay a.csv --scan s --json D/a.json": "a.json",
+    "replay a.csv --scan s --plot D/a.svg --json D/a.json": "a.svg a.json",
+    "replay a.csv --scan s --report D/a.html": "a.html",
+    "simulate bump -o D --channels 8 6": "train.csv test.csv scene.yaml",
+}
+"""Files that each command line would write."""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kept"), [(a, name) for a, names in OUTPUTS.items() for name in names.split()]
+)
+def test_no_output_replaces_a_file_that_is_no_result(
+    tmp_path, monkeypatch, capsys: pytest.CaptureFixture, arguments: str, kept: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = [f"{0.1 * row},{0.01 * row},{row}" for row in range(5)]
+    Path("a.csv").write_text("\n".join(["stamp_s,x,index_1", *rows]))
+    Path("s").mkdir()
+    Path("s/scene.yaml").write_text("axes: {x: {bounds: [0, 1]}}\nphalanges: {index: {channels: 1}}\n")
+    Path("D", kept).parent.mkdir(parents=True)
+    Path("D", kept).write_text("of the user")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert cli.main(arguments.split()) == 2
+    refusal = capsys.readouterr().err
+    assert refusal.startswith(f"error: {Path('D', kept.partition('/')[0])}: expected no")
+    assert refusal.count("\n") == 1
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_every_command_is_tried_over_files_of_the_user() -> None:
+    assert {arguments.split()[0] for arguments in OUTPUTS} == cli.COMMANDS.keys()
+
+
+def test_results_are_replaced(tmp_path) -> None:
+    figure = Figure()
+    for name in ("a.png", "a.svg", "a.pdf"):
+        write_picture(tmp_path / name, figure)
+    write_json(tmp_path / "a.json", {"long": [0] * 10_000})
+    (tmp_path / "a.html").write_text(
+        html_page(
+            **dict.fromkeys(
+                ("kind", "title", "good", "verdict", "explained", "notes", "tiles", "sections"), ""
+            )
+        )
+    )
+    for name in ("a.png", "a.svg", "a.pdf", "a.json", "a.html"):
+        require_writable(tmp_path / name, argparse.Namespace())
 
 
 @pytest.mark.parametrize("command", ["replay", "tradeoff"])

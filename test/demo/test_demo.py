@@ -137,12 +137,19 @@ def test_a_scan_with_an_empty_sweep_is_no_success(tmp_path):
         require_sweeps(tmp_path / "scan", 2)
 
 
-def test_an_output_that_cannot_be_replaced_is_refused(tmp_path, capsys):
+def test_only_an_earlier_session_is_replaced(monkeypatch, tmp_path, capsys):
     from tactile_localizer.cli import main
 
-    (tmp_path / "bag").touch()
+    def begun(*_):
+        raise LiveError("begun")
+
+    monkeypatch.setattr("tactile_localizer.demo.session.record_session", begun)
+    for _ in range(2):
+        assert main(["demo", "--out", str(tmp_path)]) == 2
+        assert capsys.readouterr().err == "error: begun\n"
+    (tmp_path / "log/session.txt").write_text("of the user")
     assert main(["demo", "--out", str(tmp_path)]) == 2
-    assert f"{tmp_path}: expected a writable folder, " in capsys.readouterr().err
+    assert f"{tmp_path}/log: expected none, or that of an earlier demo" in capsys.readouterr().err
 
 
 def test_a_lost_frame_is_no_success(monkeypatch, tmp_path, capsys):

@@ -17,6 +17,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from tactile_localizer import __version__
+from tactile_localizer.io.whole_file import RESULT
 from tactile_localizer.offline.figures.svg import inline_svg
 
 WIDTH_IN = 4.7
@@ -59,7 +60,7 @@ def html_page(**values: Any) -> str:
         lstrip_blocks=True,
     )
     made = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
-    return environment.get_template("report.html").render(values, version=__version__, made=made)
+    return environment.get_template("report.html").render(values, mark=RESULT, version=__version__, made=made)
 
 
 def versions() -> list[tuple[str, tuple[str, str]]]:
