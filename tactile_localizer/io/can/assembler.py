@@ -1,16 +1,14 @@
 """Assembly of frames into cycles: the strain of all phalanges at one time.
 
-Load cells send once per period, in a burst or each at a time of its own. Cycles are cut in the middle of the
-largest gap between their frames, which is followed as their phases drift. A cycle closes at the cut, when all
-its frames have been received, or when a load cell sends its next sample. A phalanx without a complete sample
-is ``MISSING`` and its voltages are NaN.
+A cycle begins where :mod:`~tactile_localizer.io.can.cut` says. It closes when all its frames have been
+received, when the next one begins, or after a silence. A phalanx without a complete sample is ``MISSING`` and
+its voltages are NaN.
 
 Counters do not cut cycles. They count losses, and reveal frames of one load cell that belong to two samples.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -18,38 +16,15 @@ import can
 import numpy as np
 
 from tactile_localizer.io.can.counter import MAX_LATE, RollingCounter
+from tactile_localizer.io.can.cut import LONGEST_PERIOD_NS, PAUSE_NS, CycleCut, Pace
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import FAULT, MISSING, SATURATED
-
-SHORTEST_PERIOD_NS, LONGEST_PERIOD_NS = 500_000, 1_000_000_000
-"""Range of estimated periods, ns: 2 kHz to 1 Hz."""
-
-PAUSE_NS = 2 * LONGEST_PERIOD_NS
-"""Silence of the whole bus from which the hand may have been off: nothing is lost, counters begin anew."""
-
-TOLERANCE = 1 / 16
-"""Fraction of a period from which a frame is delayed, or ahead of a delay."""
-
-INTERVALS = 64
-"""Number of intervals from which the period of a message is estimated."""
-
-EACH = 16
-"""Number of samples after which that is done again."""
-
-SLOW = 1.2
-"""Ratio of the periods from which a load cell is reported to be slower than the fastest one."""
-
-LARGER = 1.5
-"""Ratio from which a gap between frames is larger than that of the cut, or a period is certainly longer."""
 
 FLUSHED = 3
 """Number of periods of silence after which an open cycle is closed."""
 
-RELIABLE = 100
-"""Number of periods without a frame for which the cut is continued."""
-
 CONFIRMATIONS = 8
-"""Cycles in a row after which the cut moves to a larger gap, or the counters of two messages are separate."""
+"""Cycles in a row with frames of different samples after which the counters of two messages are separate."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +58,7 @@ class PhalanxCounts:
         identifiers
     saturated, faults : samples with that status
     last_ns : receive time of the last frame used, ns; 0 before the first
-    cycles_per_sample : period of the load cell in cycles, which are as fast as the fastest one
+    cycles_per_sample : usual number of cycles, which are as fast as the fastest load cell; 1.0 unless slower
     counter : reason why its counter is not used, continuing "the counter"; else empty
     """
 
@@ -126,29 +101,20 @@ class _Stream:
     ----------
     cell : load cell that sends it
     place : of its data in those of a cycle
-    last_ns, sent_ns : stamp of the newest frame, and without the delay of the bus; 0 before the first
+    pace : times of the frames
     sequence : number of the sample
-    cycle : number of the newest cycle with a frame
     value, samples : value of the counter of that frame, and samples by which it is ahead of the one before
     lead : usual difference of its counter from that of the load cell's first message; ``None``: unknown
-    intervals, measured : newest times between two samples, ns, and the number of all
-    period_ns, tolerance_ns : usual interval, and deviation that is no delay; 0: unknown
     """
 
     cell: _LoadCell = field(repr=False)
     place: slice
     counter: RollingCounter | None
-    last_ns: int = 0
-    sent_ns: int = 0
+    pace: Pace
     sequence: int = 0
-    cycle: int = 0
     value: int = 0
     samples: int = 1
     lead: int | None = None
-    intervals: deque[float] = field(default_factory=lambda: deque(maxlen=INTERVALS))
-    measured: int = 0
-    period_ns: float = 0.0
-    tolerance_ns: float = 0.0
 
 
 @dataclass(slots=True, eq=False)
@@ -168,7 +134,7 @@ class _LoadCell:
 
     def is_whole(self, cycle: int) -> bool:
         """Whether a cycle has a frame of each message."""
-        return all(stream.cycle == cycle for stream in self.streams)
+        return all(stream.pace.cycle == cycle for stream in self.streams)
 
     def settle(self) -> bool:
         """Decide that the counters are separate, unless a common one was seen; returns whether they are."""
@@ -219,47 +185,41 @@ class CycleAssembler:
 
     def __init__(self, protocol: LoadCellProtocol, period_s: float = 0.0) -> None:
         self._cells = [_LoadCell() for _ in protocol.phalanges]
+        self._cut = CycleCut(len(protocol.messages), round(period_s * 1e9))
         self._streams = []
-        for slot, message in enumerate(protocol.messages):
+        for slot, (message, pace) in enumerate(zip(protocol.messages, self._cut.paces, strict=True)):
             cell = self._cells[message.phalanx]
             counter = RollingCounter(len(message.counter_values)) if message.counter else None
-            cell.streams.append(_Stream(cell, protocol.bytes_of(slot), counter))
+            cell.streams.append(_Stream(cell, protocol.bytes_of(slot), counter, pace))
             self._streams.append(cell.streams[-1])
         self._paired = [cell for cell in self._cells if len(cell.streams) > 1]
         self.counts = BusCounts([cell.counts for cell in self._cells])
         self._protocol = protocol
-        self._is_estimated = not period_s
-        self.period_ns = self._fastest_ns = round(period_s * 1e9)  # 0: not estimated yet
         self._data = bytearray(protocol.size)  # of the frames of the open cycle
         self._cycles: list[Cycle] = []  # closed, not yet returned
         self._is_open = False
         self._number = 0  # of the newest cycle
-        self._first_ns = 0  # stamp of its first frame
-        self._awaited = 0  # its frames not yet received
-        self._last_ns = self._sent_ns = 0  # stamp of the newest frame, and without the delay
-        self._delay_ns = 0  # of the whole bus, whose frames then come in a burst
-        self._cut_ns = 0  # end of the newest cycle, without the delay
-        self._gap_ns = self._middle_ns = 0  # largest gap between frames since the last cut
-        self._leader: _Stream | None = None  # first message of the cycles, until the period is known
-        self._border_ns = 0  # gap before it
-        self._opener = self._streams[0]  # first message of the newest cycle
-        self._behind = self._streams[0]  # message behind the largest gap
-        self._confirmed = 1  # number of cycles in a row with a larger gap than that of the cut
+        self._first_ns = self._last_ns = 0  # stamp of its first frame, and of the newest
+        self._awaited = 0  # frames of the open cycle not yet received
         self._torn: list[_LoadCell] = []  # load cells whose frames in the open cycle are of different samples
-        self._is_aligned = not self._is_estimated  # whether the cut has passed since it moved
+
+    @property
+    def period_ns(self) -> int:
+        """Period of the cycles, ns; 0: not estimated yet."""
+        return self._cut.period_ns
 
     def reset(self) -> None:
         """Close the open cycle and forget the counters, as after a pause. Totals and the period are kept."""
         self._close()
-        self._delay_ns = 0
+        self._cut.restart()
         for stream in self._streams:
-            stream.last_ns = 0
+            stream.pace.last_ns = 0
             if stream.counter is not None:
                 stream.counter.newest = None
 
     def has_received(self, slot: int) -> bool:
         """Whether frames of a message were received since the last pause."""
-        return bool(self._streams[slot].last_ns)
+        return bool(self._streams[slot].pace.last_ns)
 
     def feed(self, frames: Sequence[can.Message], oldest_ns: int = 0) -> list[Cycle]:
         """Process frames in order of reception; returns the cycles that they complete or close.
@@ -273,12 +233,13 @@ class CycleAssembler:
         return cycles
 
     def flush(self, now_ns: int) -> list[Cycle]:
-        """Close the open cycle if none of the frames after its end was received by ``now_ns``; returns it.
+        """Close the open cycle if no frame was received for long by ``now_ns``; returns it.
 
         ``now_ns`` is of the clock of the frames. The last frames may be delayed, or read late.
         """
         if self.remaining_ns(now_ns) == 0:
             self._close()
+            self._cut.restart()
         return self.feed([])
 
     def remaining_ns(self, now_ns: int) -> int | None:
@@ -286,9 +247,8 @@ class CycleAssembler:
         if not self._is_open:
             return None
         silence_ns = FLUSHED * (self.period_ns or LONGEST_PERIOD_NS)
-        remaining_ns = self._cut_ns + self._delay_ns + silence_ns - now_ns
-        is_near = 0 < remaining_ns <= silence_ns + 2 * self.period_ns  # else the clock was set back
-        return remaining_ns if is_near else 0
+        remaining_ns = self._last_ns + silence_ns - now_ns
+        return remaining_ns if 0 < remaining_ns <= 2 * silence_ns else 0  # else the clock was set back
 
     def _take(self, frame: can.Message) -> FrameKind:
         """Use a frame; returns its kind, or the reason why it is not used."""
@@ -299,28 +259,18 @@ class CycleAssembler:
             return kind
         stream = self._streams[slot]
         stamp_ns = int(frame.timestamp * 1e9)
-        gap_ns = stamp_ns - self._last_ns
-        if abs(gap_ns) > PAUSE_NS:
+        if abs(stamp_ns - self._last_ns) > PAUSE_NS:
             self.reset()
-        samples = 1
-        if stream.counter is not None and not stream.counter.follows(value):
-            samples = self._advance(stream, stream.counter, value, stamp_ns)
-            if samples <= 0:
-                return FrameKind.OUT_OF_ORDER if samples else FrameKind.DUPLICATE
+        samples, counter = 1, stream.counter
+        if counter is not None:
+            has_wrapped = self._number - stream.pace.cycle >= counter.span  # possibly
+            if has_wrapped or not counter.follows(value):
+                samples = self._advance(stream, counter, value, stamp_ns)
+                if samples <= 0:
+                    return FrameKind.OUT_OF_ORDER if samples else FrameKind.DUPLICATE
         stream.sequence += samples
-        is_next = stream.last_ns > 0
-        if is_next:
-            self._note_interval(stream, stamp_ns, samples, gap_ns)
-        stream.last_ns = stream.cell.counts.last_ns = self._last_ns = stamp_ns
-        sent_ns = stamp_ns - self._delay_ns
-        gap_ns = sent_ns - self._sent_ns
-        stream.sent_ns = self._sent_ns = sent_ns
-        if self._is_first(stream, is_next, gap_ns):
-            self._pass_cut(stream, sent_ns, gap_ns)
-        elif self._gap_ns < gap_ns <= PAUSE_NS:
-            self._gap_ns, self._middle_ns, self._behind = gap_ns, sent_ns - gap_ns // 2, stream
-        if self._is_aligned:
-            self._place(stream, frame, value, samples)
+        stream.cell.counts.last_ns = self._last_ns = stamp_ns
+        self._place(stream, frame, stamp_ns, value, samples)
         return FrameKind.DATA
 
     def _advance(self, stream: _Stream, counter: RollingCounter, value: int, stamp_ns: int) -> int:
@@ -329,12 +279,10 @@ class CycleAssembler:
             counter.advance(value, 1.0, 1.0)
             stream.sequence += (value - stream.sequence) % counter.span - 1
             return 1
-        counts, jumps = stream.cell.counts, counter.jumps
-        cycles: float = self._number - stream.cycle
-        if counts.cycles_per_sample > LARGER:  # else the same rate, estimated irregularly
-            cycles /= counts.cycles_per_sample
-        elapsed_ns = stamp_ns - stream.last_ns
-        periods = elapsed_ns / (stream.period_ns or self._fastest_ns or elapsed_ns or 1)
+        counts, jumps, pace = stream.cell.counts, counter.jumps, stream.pace
+        cycles = self._cut.cycles_since(pace, stamp_ns) / pace.cycles_per_sample
+        elapsed_ns = stamp_ns - pace.last_ns
+        periods = elapsed_ns / (pace.period_ns or self.period_ns or elapsed_ns or 1)
         # While the others send, their cycles are more exact than the time.
         samples = counter.advance(value, cycles if cycles > 1 else periods, max(periods, cycles))
         counts.drops += max(0, samples - 1)
@@ -342,102 +290,32 @@ class CycleAssembler:
         counts.counter = counter.problem
         return samples
 
-    def _note_interval(self, stream: _Stream, stamp_ns: int, samples: int, gap_ns: int) -> None:
-        """Follow the period of a message and the delay of the whole bus.
-
-        The delay is how late a frame is if none was lost. It grows if no frame was received meanwhile (else
-        some were lost), and shrinks with each frame of the burst that follows.
-        """
-        stream.intervals.append((stamp_ns - stream.last_ns) / samples)
-        stream.measured += 1
-        if stream.measured <= EACH or not stream.measured % EACH:
-            self._estimate_period(stream, stamp_ns)
-        if not self.period_ns or stream.measured < EACH:
-            return
-        late_ns = stamp_ns - stream.sent_ns - samples * stream.period_ns
-        change_ns = late_ns - self._delay_ns
-        if change_ns < -stream.tolerance_ns or stream.tolerance_ns < change_ns <= gap_ns:
-            self._delay_ns = max(0, round(late_ns))
-
-    def _estimate_period(self, stream: _Stream, stamp_ns: int) -> None:
-        """Estimate the period of a message, and of the cycles."""
-        stream.period_ns = max(_usual(stream.intervals), SHORTEST_PERIOD_NS)
-        stream.tolerance_ns = TOLERANCE * stream.period_ns
-        if stream.measured < EACH:
-            return
-        sending = [
-            one.period_ns
-            for one in self._streams
-            if one.measured >= EACH and stamp_ns - one.last_ns < INTERVALS * one.period_ns
-        ]
-        self._fastest_ns = round(min(*sending, stream.period_ns, LONGEST_PERIOD_NS))
-        if self._is_estimated:
-            if not self.period_ns:  # the first cut is a period after the middle of the last gap
-                self._cut_ns = self._opener.sent_ns - self._border_ns // 2 + self._fastest_ns
-            self.period_ns = self._fastest_ns
-        ratio = stream.period_ns / self._fastest_ns
-        stream.cell.counts.cycles_per_sample = ratio if ratio > SLOW else 1.0
-
-    def _is_first(self, stream: _Stream, is_next: bool, gap_ns: int) -> bool:
-        """Whether a frame is the first of a cycle: behind the cut, or by its message at the start."""
-        if self.period_ns:
-            return not 0 < self._cut_ns - self._sent_ns <= 2 * self.period_ns
-        if self._leader is None:
-            return is_next
-        if stream is not self._leader:
-            return False
-        if not self._is_aligned or 2 * gap_ns > self._border_ns:
-            return True
-        if self._is_open:
-            self._leader = self._opener  # which is about as early
-        return False
-
-    def _place(self, stream: _Stream, frame: can.Message, value: int, samples: int) -> None:
+    def _place(self, stream: _Stream, frame: can.Message, stamp_ns: int, value: int, samples: int) -> None:
         """Use a frame in the open cycle, or in a new one."""
-        if self._is_open and stream.cycle == self._number:  # its next sample
-            if self._awaited or stream.cell not in self._torn:
-                self._close()
-            else:  # the frame before was late
-                self.counts.frames[FrameKind.DATA] -= 1
-                self.counts.frames[FrameKind.OUT_OF_ORDER] += 1
-                stream.cell.counts.drops += 1
-                self._awaited = 1
-        if not self._is_open:
+        pace = stream.pace
+        is_again = self._is_open and pace.cycle == self._number
+        is_torn = is_again and not self._awaited and stream.cell in self._torn
+        if is_torn and not self._cut.cycles_since(pace, stamp_ns):  # the frame before was late
+            self.counts.frames[FrameKind.DATA] -= 1
+            self.counts.frames[FrameKind.OUT_OF_ORDER] += 1
+            stream.cell.counts.drops += 1
+            self._awaited = 1
+        elif self._cut.begins(pace, stamp_ns, samples, is_again or not self._is_open):
+            self._close()
             self._is_open = True
-            self._number += 1
-            self._first_ns, self._opener = self._last_ns, stream
+            self._number, self._first_ns = self._cut.number, stamp_ns
             self._awaited = len(self._streams)
-            if not self._is_estimated:  # the load cells may send more often, and irregularly
-                self._cut_ns = max(self._cut_ns, self._sent_ns + self.period_ns // 2)
-        stream.cycle, stream.value, stream.samples = self._number, value, samples
+        if self._cut.note(pace, stamp_ns, samples):
+            stream.cell.counts.cycles_per_sample = pace.cycles_per_sample
+        if not self._cut.is_aligned:
+            return
+        stream.value, stream.samples = value, samples
         self._data[stream.place] = frame.data
         self._awaited -= 1
         if not self._awaited:
             self._torn = [cell for cell in self._paired if cell.leads()]
             if not self._torn:  # else the right frames can still come
                 self._close()
-
-    def _pass_cut(self, stream: _Stream, sent_ns: int, gap_ns: int) -> None:
-        """Close the cycle with the first frame behind its end, and find the next end."""
-        self._close()
-        period_ns = self.period_ns
-        gap_ns = gap_ns if 0 <= gap_ns < (period_ns or PAUSE_NS) else period_ns
-        passed, late_ns = divmod(sent_ns - self._cut_ns, period_ns or PAUSE_NS)
-        if not period_ns or not 0 <= passed < RELIABLE:
-            self._cut_ns = sent_ns + period_ns - gap_ns // 2
-        elif passed:
-            self._cut_ns += (passed + 1) * period_ns
-        else:  # follow the middle of the gap
-            error_ns = late_ns - gap_ns // 2
-            self._cut_ns += period_ns + max(-period_ns, min(period_ns, error_ns)) // 4
-        self._leader, self._border_ns = stream, gap_ns
-        self._confirmed = self._confirmed + 1 if self._gap_ns > LARGER * gap_ns else 0
-        self._is_aligned = self._confirmed < (CONFIRMATIONS if period_ns else 2)
-        if not self._is_aligned:
-            self._leader, self._border_ns = self._behind, self._gap_ns
-            self._cut_ns = self._middle_ns + period_ns
-            self._confirmed = 0
-        self._gap_ns = 0
 
     def _close(self) -> None:
         if not self._is_open:
@@ -465,15 +343,3 @@ class CycleAssembler:
         numbers = [stream.sequence if stream.counter else self._number for stream in first]
         sequence = np.array(numbers).astype(np.uint32)
         self._cycles.append(Cycle(self._first_ns, strain, status, sequence))
-
-
-def _usual(intervals: Sequence[float]) -> float:
-    """Usual interval: the mean of those near the median, without losses and delays.
-
-    If frames come in lumps the median is far from the mean, which is then the answer.
-    """
-    median, mean = sorted(intervals)[(len(intervals) - 1) // 2], sum(intervals) / len(intervals)
-    if not 0.5 * mean <= median <= 1.25 * mean:
-        return mean
-    near = [one for one in intervals if abs(one - median) <= 0.25 * median]
-    return sum(near) / len(near)

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.load_cells import PERIOD_NS, START_NS, cycle, number_of, protocol, sample
 
-from tactile_localizer.io.can.assembler import SHORTEST_PERIOD_NS, Cycle, CycleAssembler
+from tactile_localizer.io.can.assembler import Cycle, CycleAssembler
+from tactile_localizer.io.can.cut import SHORTEST_PERIOD_NS
 from tactile_localizer.io.can.layout import SignalNames
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
@@ -120,6 +121,24 @@ def test_a_silence_of_one_load_cell_is_counted_beyond_the_span_of_its_counter() 
     assert numbers == [[n, None if 10 <= n < 60 else n] for n in range(100)]
     assert [one.drops for one in assembler.counts.phalanges] == [0, 100]
     assert [one.missing for one in assembler.counts.phalanges] == [0, 50]
+
+
+@pytest.mark.parametrize("silence", [5, 16, 432, 435])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_silence_is_counted_exactly_at_any_pace_of_the_sender(silence: int, seed: int) -> None:
+    """Also if it lasts exactly as long as the counter takes to wrap, once or several times."""
+    rng = np.random.default_rng(seed)
+    is_fast = np.repeat(rng.random(30) < 0.5, 20)
+    intervals_s = np.where(is_fast, rng.uniform(0.001, 0.004, 600), rng.uniform(0.01, 0.08, 600))
+    assembler = CycleAssembler(HAND, period_s=1.0)
+    for n, stamp_ns in enumerate(START_NS + (1e9 * np.cumsum(intervals_s)).astype(int)):
+        is_silent = 130 <= n < 130 + silence
+        assembler.feed(sample(HAND, 0, n, stamp_ns) if is_silent else cycle(HAND, n, stamp_ns))
+    first, second = assembler.counts.phalanges
+    assert (first.samples, second.samples) == (600, 600 - silence)
+    assert (first.drops, second.drops) == (0, 2 * silence)
+    assert (first.jumps, second.jumps) == (0, 0)
+    assert (first.cycles_per_sample, second.cycles_per_sample) == (1, 1)
 
 
 def test_a_sample_that_is_late_is_in_its_cycle_if_nothing_else_was_received_meanwhile() -> None:

@@ -177,6 +177,6 @@ def test_each_load_cell_counts_by_its_own_rate(tmp_path: Path) -> None:
     index, thumb = assembler.counts.phalanges
     assert (index.drops, thumb.drops) == (14, 2)
     assert (index.jumps, thumb.jumps) == (0, 0)
-    assert thumb.cycles_per_sample == pytest.approx(5, rel=0.02)
+    assert thumb.cycles_per_sample == pytest.approx(5, rel=0.05)
     assert index.cycles_per_sample == 1
     assert np.ptp([cycle.sequence[1] - n // 5 for n, cycle in enumerate(cycles)]) <= 4

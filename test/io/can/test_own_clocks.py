@@ -100,3 +100,15 @@ def test_the_first_cycles_are_whole_although_their_frames_come_in_bursts(tmp_pat
     cycles = cycles_of(hand(tmp_path, 5), times_s, set())
     assert len(complete(cycles)) >= 0.985 * 300
     assert len(complete(cycles)) >= 0.985 * len(cycles)
+
+
+@pytest.mark.parametrize("cells", [2, 3, 8])
+def test_each_sample_is_in_one_cycle_at_most(tmp_path: Path, cells: int) -> None:
+    """Although many are lost while the cut moves."""
+    times_s = clocks(cells, 5, 30.0, drift=1e-3)
+    rng = np.random.default_rng(6)
+    lost = {(k, n) for k in range(cells) for n in range(30 * RATE_HZ) if rng.uniform() < 0.3}
+    strain = np.array([one.strain for one in cycles_of(hand(tmp_path, cells), times_s, lost)])
+    assert np.isfinite(strain).mean() > 0.5
+    for own in strain.T:
+        assert (np.diff(own[np.isfinite(own)]) > 0).all()
