@@ -21,6 +21,8 @@ NODES_PER_CELL = 2
 MOST_CELLS_IN_SPACE = 25_000
 """Largest number of cells on three axes, with which a measurement update from a uniform prior takes less than
 10 ms: 50 mm x 50 mm x 20 degrees at 1.3 mm and 1.2 degrees."""
+_CELLS_PER_PITCH = 4
+"""Cells on one axis per pitch of the tracks: there they cost little, and a quiet sensor resolves more."""
 _MOST_POINTS = 200
 """Points of a held-out track, about, to which the variance model is fitted."""
 
@@ -105,7 +107,7 @@ class StrainMap(NamedTuple):
 
 
 def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:
-    """Size (d,) of a filter's cells: ``lines`` line spacings, on one axis a pitch.
+    """Size (d,) of a filter's cells: ``lines`` line spacings, on one axis a part of a pitch.
 
     On three axes cells are enlarged to limit their number to :data:`MOST_CELLS_IN_SPACE`.
 
@@ -114,7 +116,7 @@ def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:
     SceneError
         There would be too many cells for the memory.
     """
-    length = PITCH if scene.dimension == 1 else max(lines * spacing, PITCH)
+    length = PITCH / _CELLS_PER_PITCH if scene.dimension == 1 else max(lines * spacing, PITCH)
     sizes = length / levers(scene)
     extent = scene.extent
     if scene.dimension == 3:
