@@ -71,7 +71,7 @@ def test_every_state_has_a_nearest_node(states: list[tuple[float, float]]) -> No
 
 def test_cell_size_on_one_and_two_axes() -> None:
     np.testing.assert_allclose(cell_size(PLANE, SPACING, 0.3), 0.0009)
-    np.testing.assert_allclose(cell_size(LINE, 0.0, 0.3), PITCH)
+    np.testing.assert_allclose(cell_size(LINE, 0.0, 0.3), PITCH / 4)
 
 
 def test_cells_on_three_axes_are_limited_in_number() -> None:
