@@ -21,7 +21,7 @@ from tactile_localizer.errors import ScanError, SceneError, printable
 from tactile_localizer.io.csv.columns import ColumnNaming, MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import Recording, join, scan_of, with_detected_sweeps
+from tactile_localizer.io.recording import Recording, join, scan_of
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene, save_scene
@@ -117,10 +117,15 @@ def _tables(args: argparse.Namespace, scene: Scene, naming: ColumnNaming) -> Rec
     if args.kind == "can" and not args.poses:
         raise ScanError("import can: expected --poses FILE with the palm positions beside the log")
     strain = log_reader(args, scene) if args.kind == "can" else None
-    options = {"poses": args.poses, "max_gap_s": args.max_gap, "strain": strain}
-    recording = read_csv(args.files, scene, naming, **options)
-    detector = _detector(args, scene)
-    return with_detected_sweeps(recording, detector) if detector else recording
+    return read_csv(
+        args.files,
+        scene,
+        naming,
+        poses=args.poses,
+        max_gap_s=args.max_gap,
+        strain=strain,
+        detector=_detector(args, scene),
+    )
 
 
 def _detector(args: argparse.Namespace, scene: Scene) -> SweepDetector | None:

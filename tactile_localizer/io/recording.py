@@ -22,6 +22,8 @@ from tactile_localizer.streams.sweep_detector import SweepDetector
 from tactile_localizer.streams.synchronization import describe_gaps
 
 NO_CONTACT = (-1, -1)
+NO_SWEEP = -1
+"""In place of the number of a sweep."""
 ENDED = "ended"
 ENDED_EARLY = "ended early"
 """Ending of a sweep whose recording was interrupted."""
@@ -129,23 +131,56 @@ def join(recordings: Sequence[Recording]) -> Recording:
     )
 
 
-def with_detected_sweeps(recording: Recording, detector: SweepDetector) -> Recording:
-    """The recording with the sweeps that a detector finds in the motion, numbered from 1.
+def cut(
+    samples: RecordedSweep,
+    run: np.ndarray,
+    number: np.ndarray,
+    has_position: np.ndarray,
+    detector: SweepDetector | None = None,
+) -> tuple[list[RecordedSweep], list[str]]:
+    """The sweeps of samples, and a line about those that are in no detected one.
 
-    The samples outside of them are left out and noted.
+    A sweep is an interval of time within a run; its samples without a position are gaps.
+
+    Parameters
+    ----------
+    samples : n samples in the order of arrival or of the rows of a file
+    run : (n,) int, their run, or :data:`LATE`
+    number : (n,) int, the recorded sweep, or :data:`NO_SWEEP`
+    has_position : (n,) bool
+    detector : detects other sweeps in the motion as the mapping node does, within each run and sweep
     """
-    found: list[RecordedSweep] = []
-    for sweep in recording.sweeps:
-        detector.reset()
-        pairs = zip(sweep.stamp_ns.tolist(), sweep.position, strict=True)
-        numbers = np.array([detector.update(*pair) for pair in pairs], dtype=int)
-        gaps = sweep.gaps
-        for number in sorted({*numbers.tolist()} - {0}):
-            found.append(sweep.part(numbers == number, number, gaps))
-            gaps = 0
-    outside = len(recording) - sum(map(len, found))
-    note = f"{outside} of {len(recording)} samples are in no detected sweep"
-    return replace(recording, sweeps=tuple(found), notes=(*recording.notes, *[note] * (outside > 0)))
+    rows = np.flatnonzero(run != LATE)
+    parts = _parts(rows, run, number)
+    if detector is not None:
+        number = np.full(len(run), NO_SWEEP)
+        for part in parts:
+            number[part] = _detected(detector, samples.part(part, 0), has_position[part])
+        parts = _parts(rows, run, number)
+    sweeps = [
+        samples.part(part[has_position[part]], int(number[part[0]]), int(np.sum(~has_position[part])))
+        for part in parts
+        if number[part[0]] != NO_SWEEP
+    ]
+    outside = int(np.sum(number[rows] == NO_SWEEP)) if detector is not None else 0
+    return sweeps, [f"{outside} of {len(rows)} samples are in no detected sweep"] * (outside > 0)
+
+
+def _parts(rows: np.ndarray, *labels: np.ndarray) -> list[np.ndarray]:
+    """Successive ``rows`` that have the same labels, each of shape (n,)."""
+    changes = [np.diff(label[rows]) != 0 for label in labels]
+    return np.split(rows, np.flatnonzero(np.any(changes, axis=0)) + 1) if len(rows) else []
+
+
+def _detected(detector: SweepDetector, samples: RecordedSweep, has_position: np.ndarray) -> list[int]:
+    """Numbers of the sweeps of samples; one without a position is in that of the one before."""
+    detector.reset()
+    numbers = [NO_SWEEP]
+    for stamp_ns, position, known in zip(
+        samples.stamp_ns.tolist(), samples.position, has_position, strict=True
+    ):
+        numbers.append((detector.update(stamp_ns, position) or NO_SWEEP) if known else numbers[-1])
+    return numbers[1:]
 
 
 def scan_of(recording: Recording, scene: Scene) -> Scan:

@@ -20,10 +20,17 @@ from tactile_localizer.io.bags.sweeps import (
     Change,
     Span,
     localized_spans,
-    moving_spans,
     spans,
 )
-from tactile_localizer.io.recording import RecordedSweep, Recording, join, late_notes, pose_notes
+from tactile_localizer.io.recording import (
+    NO_SWEEP,
+    RecordedSweep,
+    Recording,
+    cut,
+    join,
+    late_notes,
+    pose_notes,
+)
 from tactile_localizer.io.strain_adapter import StrainAdapter
 from tactile_localizer.scene import Scene
 from tactile_localizer.streams.palm_frame import PalmFrame
@@ -146,18 +153,13 @@ def read_bag(
     if found["truth"]:
         truth, _ = paired(_positions(found["truth"], frame, names["truth"], notes))
     samples = RecordedSweep(WHOLE_BAG.number, stamp_ns, position, strain, status, truth)
-    sweeps: list[RecordedSweep] = []
-    for number in range(run.max() + 1):
-        rows = run == number
-        if detector is not None:
-            moving = rows & has_position
-            parts = moving_spans(detector, stamp_ns[moving], position[moving])
-        else:
-            parts = _spans(found, number, by_status)
-        sweeps += [_sweep(samples, rows, has_position, span) for span in parts]
-    kept = tuple(sweep for sweep in sweeps if len(sweep) or sweep.gaps)
+    number = np.full(len(run), WHOLE_BAG.number if detector else NO_SWEEP)
+    for each in range(0 if detector else run.max() + 1):
+        for span in _spans(found, each, by_status):
+            number[(run == each) & (stamp_ns > span.after_ns) & (stamp_ns <= span.until_ns)] = span.number
+    sweeps, outside = cut(samples, run, number, has_position, detector)
     lost = sum(count for count, _ in messages.invalid.values())
-    return join([Recording(str(path), kept, tuple(notes), lost)])
+    return join([Recording(str(path), tuple(sweeps), (*notes, *outside), lost)])
 
 
 def _wanted(names: Mapping[str, str], strains: Mapping[str, Wanted]) -> dict[str, Wanted]:
@@ -216,12 +218,6 @@ def _spans(found: Mapping[str, list[_Arrived]], run: int, by_status: bool) -> li
     if by_status:
         return spans(until("status")) if found["status"] else [WHOLE_BAG]
     return localized_spans(until("active"), until("posterior"))
-
-
-def _sweep(samples: RecordedSweep, rows: np.ndarray, has_position: np.ndarray, span: Span) -> RecordedSweep:
-    """Samples (n,) of a span that have a position; those without one are counted as gaps."""
-    inside = rows & (samples.stamp_ns > span.after_ns) & (samples.stamp_ns <= span.until_ns)
-    return samples.part(inside & has_position, span.number, gaps=int(np.sum(inside & ~has_position)))
 
 
 def _from_tf(found: Mapping[str, list[_Arrived]], target: str, source: str) -> list[_Arrived]:

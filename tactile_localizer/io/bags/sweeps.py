@@ -1,14 +1,10 @@
-"""Topics of a bag, and boundaries of its sweeps, from the messages of a node or from the motion."""
+"""Topics of a bag, and boundaries of its sweeps as the nodes report them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
-
-import numpy as np
-
-from tactile_localizer.streams.sweep_detector import SweepDetector
 
 TOPICS = {
     "strain": ("/strain", "strain vectors"),
@@ -47,20 +43,6 @@ class Travel(NamedTuple):
 
     stamp_ns: int
     travel_m: float
-
-
-def moving_spans(detector: SweepDetector, stamp_ns: np.ndarray, position: np.ndarray) -> list[Span]:
-    """Sweeps detected in the motion.
-
-    Parameters
-    ----------
-    detector : which is reset
-    stamp_ns : (n,) rising stamps, ns
-    position : (n, d) palm positions, m (yaw: rad)
-    """
-    detector.reset()
-    pairs = zip(stamp_ns.tolist(), position, strict=True)
-    return spans([Change(stamp - 1, detector.update(stamp, place)) for stamp, place in pairs])
 
 
 def spans(changes: Sequence[Change]) -> list[Span]:

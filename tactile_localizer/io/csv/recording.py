@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import cycle, pairwise
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from tactile_localizer.io.csv.table import Table, in_other_unit, read_table
 from tactile_localizer.io.recording import (
     RecordedSweep,
     Recording,
+    cut,
     join,
     late_notes,
     missing_status,
@@ -29,6 +30,7 @@ from tactile_localizer.io.recording import (
 )
 from tactile_localizer.scene import Scene
 from tactile_localizer.streams.runs import LATE, runs_of
+from tactile_localizer.streams.sweep_detector import SweepDetector
 from tactile_localizer.streams.synchronization import (
     DEFAULT_MAX_GAP_S,
     near_bounds,
@@ -47,6 +49,7 @@ def read_csv(
     poses: Sequence[str | Path] = (),
     max_gap_s: float = DEFAULT_MAX_GAP_S,
     strain: Callable[[Path], Table] | None = None,
+    detector: SweepDetector | None = None,
 ) -> Recording:
     """Read one or several CSV files as one recording.
 
@@ -59,6 +62,7 @@ def read_csv(
         interpolated at the stamps of the strain as the nodes do
     max_gap_s : longest time between two poses across which is interpolated, s
     strain : reads the strain of ``paths`` if these are no CSV files; then there are ``poses``
+    detector : detects sweeps in the motion, within each of the recorded ones
 
     Returns
     -------
@@ -80,7 +84,7 @@ def read_csv(
         raise ScanError(f"poses: expected 1 or {len(files)} files beside {len(files)}, got {len(poses)}")
     beside = cycle([Path(path) for path in poses] or [None])
     pairs = zip(files, beside)  # noqa: B905
-    return join([_read_file(path, scene, naming, pose, max_gap_s, strain) for path, pose in pairs])
+    return join([_read_file(path, scene, naming, pose, max_gap_s, strain, detector) for path, pose in pairs])
 
 
 def _read_file(
@@ -90,6 +94,7 @@ def _read_file(
     pose_path: Path | None,
     max_gap_s: float,
     strain: Callable[[Path], Table] | None,
+    detector: SweepDetector | None,
 ) -> Recording:
     axes = {name: naming.of(name) for name in scene.axis_names}
     strains = {each.name: naming.of(each.name, each.channels) for each in scene.phalanges}
@@ -117,9 +122,9 @@ def _read_file(
     samples = RecordedSweep(
         0, table.stamp_ns, position, table.strain, status, truth, 0, felt, strain_unit=unit
     )
-    sweeps = _sweeps(samples, label, run, found)
-    notes += late_notes(run, f"rows of {path}")
-    if (jumps := len(sweeps) - np.count_nonzero(np.diff(label)) - 1) > 0:
+    sweeps, outside = cut(samples, run, label, found, detector)
+    notes += [*outside, *late_notes(run, f"rows of {path}")]
+    if jumps := np.count_nonzero(np.diff(run[run != LATE]) * (np.diff(label[run != LATE]) == 0)):
         notes.append(f"{path}: {jumps} of {len(run)} stamps jump back, where another sweep begins")
     if not _PERIOD_S[0] <= (period_s := _period_s(table.stamp_ns)) <= _PERIOD_S[1]:
         unit = in_other_unit("stamp_s", naming.of("stamp_s"))
@@ -137,20 +142,6 @@ def _of_rows(
     position[:, timed] -= np.repeat(position[begun][:, timed], np.diff([*begun, len(label)]), axis=0)
     run = np.concatenate([runs_of(part) for part in np.split(table.stamp_ns, begun[1:])])
     return near_bounds(scene.axes, position), run != LATE, run, _truth(scene, table)
-
-
-def _sweeps(
-    samples: RecordedSweep, label: np.ndarray, run: np.ndarray, found: np.ndarray
-) -> list[RecordedSweep]:
-    """The samples by the number ``label`` (n,) of their sweep and by their run; gaps are not ``found``."""
-    sweeps = []
-    ends = np.flatnonzero(np.diff(label)) + 1
-    for begin, end in pairwise([0, *ends.tolist(), len(label)]):
-        for part in sorted({*run[begin:end].tolist()} - {LATE}):
-            rows = begin + np.flatnonzero(run[begin:end] == part)
-            gaps = int(np.sum(~found[rows]))
-            sweeps.append(samples.part(rows[found[rows]], int(label[begin]), gaps))
-    return sweeps
 
 
 def _period_s(stamp_ns: np.ndarray) -> float:

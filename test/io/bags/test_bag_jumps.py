@@ -1,7 +1,8 @@
-"""Where stamps jump back another sweep begins, in a bag as live."""
+"""Where stamps jump back another sweep begins, in recordings as live."""
 
 import tempfile
 from contextlib import suppress
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from support.bags import MS, SCENE, pose, posterior, slide, status, strain, writ
 from tactile_localizer.errors import MeasurementError, ScanError
 from tactile_localizer.io.bags.conversions import stamp_of
 from tactile_localizer.io.bags.recording import read_bag
+from tactile_localizer.io.csv.columns import channel_names
+from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scans.recorder import SweepRecorder
@@ -20,6 +23,7 @@ from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.streams.coverage import Coverage
 from tactile_localizer.streams.palm_frame import PalmFrame
+from tactile_localizer.streams.runs import runs_of
 from tactile_localizer.streams.sweep_detector import SweepDetector
 from tactile_localizer.streams.synchronization import Pairing
 
@@ -74,23 +78,47 @@ def content(path):
     ]
 
 
+def write_tables(folder, happened):
+    """Strain and poses of messages as CSV files, each in the order of receipt."""
+    reader = StrainReader(SCENE)
+    channels = [name for each in SCENE.phalanges for name in channel_names(each.name, each.channels)]
+    rows = {"strain": [["stamp_s", *channels]], "palm_pose": [["stamp_s", "x", "y"]]}
+    for topic, _, message in happened:
+        place = message.pose.position if topic == "palm_pose" else None
+        values = reader.read(message)[0].tolist() if place is None else (place.x, place.y)
+        rows[topic].append([Decimal(stamp_of(message)) / 10**9, *values])
+    for topic, lines in rows.items():
+        (folder / f"{topic}.csv").write_text("".join(f"{','.join(map(str, line))}\n" for line in lines))
+    return folder / "strain.csv", folder / "palm_pose.csv"
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32), st.sampled_from(["one sweep", "both_ways", "one_way"]))
 def test_an_imported_stream_equals_the_recorded_one(seed, sweeps):
+    """The same sweeps are cut from the same motion live, in a bag, and in CSV files."""
     happened = faulty_stream(np.random.default_rng(seed))
+    jumps = [
+        runs_of(np.array([stamp_of(message) for topic, _, message in happened if topic == wanted])).max()
+        for wanted in ("strain", "palm_pose")
+    ]
     one_way = sweeps == "one_way"
-    live, offline = (
-        None if sweeps == "one sweep" else SweepDetector(SCENE.axes, one_way=one_way) for _ in range(2)
+    live, bag, csv = (
+        None if sweeps == "one sweep" else SweepDetector(SCENE.axes, one_way=one_way) for _ in range(3)
     )
-    with tempfile.TemporaryDirectory() as folder:
-        live_scan = content(record_live(Path(folder, "live"), happened, live))
-        recording = read_bag(write_bag(Path(folder, "bag"), happened), SCENE, detector=offline)
-        if live_scan:
-            import_recording(recording, SCENE, Path(folder, "imported"), force=True)
-            assert content(Path(folder, "imported")) == live_scan
-        else:
-            with pytest.raises(ScanError, match="found 0"):
-                import_recording(recording, SCENE, Path(folder, "imported"), force=True)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        live_scan = content(record_live(folder / "live", happened, live))
+        recordings = {"bag": read_bag(write_bag(folder / "messages", happened), SCENE, detector=bag)}
+        if jumps[0] == jumps[1]:  # files do not say during which run of the poses strain arrived
+            strains, poses = write_tables(folder, happened)
+            recordings["csv"] = read_csv(strains, SCENE, poses=[poses], detector=csv)
+        for kind, recording in recordings.items():
+            if live_scan:
+                import_recording(recording, SCENE, folder / kind, force=True)
+                assert content(folder / kind) == live_scan, kind
+            else:
+                with pytest.raises(ScanError, match="found 0"):
+                    import_recording(recording, SCENE, folder / kind, force=True)
 
 
 def again(happened, received_ms):
