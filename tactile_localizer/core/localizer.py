@@ -37,6 +37,9 @@ UPDATE_PERIOD_NS = 8_000_000
 passes an update distance with every strain; an update for each would take longer than they take to come."""
 _CHANGED = 0.2
 """Relative change of the noise of a channel from which strains are whitened anew."""
+_ROUNDING = 1e-6
+"""Fraction by which rounding may shorten a travel. Else, where strains are an update distance apart, the
+origin of the arm's frame decides which of them lead to an update."""
 _SILENT = 1e9
 """Noise of a channel that does not count, in variances of a visit."""
 
@@ -250,7 +253,8 @@ class Localizer:
         kept = self._noise.observe(strain, self.scene.layout.expand(here), self._mean.step(position))
         self._mean.add(position, kept, here)
         updated = self._belief is None or (
-            self._mean.travel >= self._update_distance and stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS
+            self._mean.travel >= (1.0 - _ROUNDING) * self._update_distance
+            and stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS
         )
         if updated:
             self._updated_ns = stamp_ns
