@@ -146,6 +146,7 @@ def test_a_recording_given_twice_is_refused(folder, run):
     assert "a.csv, a.csv: expected every sweep once, found sweep 4 equal to sweep 0" in refusal
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_shipped_scenes_and_namings_are_found_by_name(folder, run):
     columns = ["timestamp", " proximity1", *(f" channel{n}" for n in range(1, 17))]
     for repeat in (0, 1):

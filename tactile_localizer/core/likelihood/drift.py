@@ -157,9 +157,10 @@ def innovations(
     count, channels = values.shape
     typical_step, largest = np.ones(channels), np.inf
     if robust and count > 1:
-        typical_step = np.maximum(
-            np.median(np.abs(np.diff(values, axis=0)), axis=0), np.finfo(np.float64).tiny
-        )
+        # Values that do not change, as differences of whole counts, have the steps of their digits.
+        digits = np.finfo(np.float64)
+        smallest = np.maximum(digits.eps * np.abs(values).max(axis=0), digits.tiny)
+        typical_step = np.maximum(np.median(np.abs(np.diff(values, axis=0)), axis=0), smallest)
         largest = OUTLIER * channels
     drift = Drift(memory, 1.0, np.full(channels, level_variance), largest)
     found = drift.along(values / typical_step, pitch, 1.0)[0] * typical_step
