@@ -84,22 +84,22 @@ class SweepNoise:
 
     Parameters
     ----------
-    scan : noise of the scan
+    of_scan : noise of the scan
 
     Attributes
     ----------
     spikes : (C,) int, number of spikes of each channel in all sweeps
     """
 
-    def __init__(self, scan: WhiteNoise) -> None:
-        self._scan = scan
-        self.spikes = np.zeros(scan.variance.shape[1], dtype=int)
+    def __init__(self, of_scan: WhiteNoise) -> None:
+        self._of_scan = of_scan
+        self.spikes = np.zeros(of_scan.variance.shape[1], dtype=int)
         self.reset()
 
     def reset(self) -> None:
         """Begin a sweep: its noise is that of the scan."""
-        self._variance = self._scan.variance[0] + 1e-300
-        self._spacing = self._scan.spacing[0]
+        self._variance = self._of_scan.variance[0] + 1e-300
+        self._spacing = self._of_scan.spacing[0]
         self._last: np.ndarray | None = None
         self._step: np.ndarray | None = None
         self._present, self._strains = b"", 0
@@ -147,7 +147,7 @@ class SweepNoise:
 
         Zero where it does so by less than :data:`_SIGNIFICANT` standard errors of the scan's noise.
         """
-        usual = self._scan.at(self._spacing)
+        usual = self._of_scan.at(self._spacing)
         most = usual * (1.0 + _SIGNIFICANT * _ERROR * math.sqrt(self._gain))
         more = np.where(self._variance > most, self._variance - usual, 0.0)
         return np.asarray(more / max(pitch / max(self._spacing, 1e-9), 1.0))
