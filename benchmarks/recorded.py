@@ -58,6 +58,7 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import product
 from operator import itemgetter
 from pathlib import Path
@@ -78,10 +79,12 @@ from measures import (
 )
 from rows import accuracy_parser, measured, print_rows
 
+from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.core.likelihood.noise_model import whiten
 from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.recording import RecordedSweep, Recording, scan_of
@@ -186,6 +189,50 @@ def find_file(folder: Path, name: str) -> Path | None:
     return next((path for end in (".csv", ".csv.gz") if (path := folder / f"{name}{end}").exists()), None)
 
 
+class Learned(NamedTuple):
+    """What variants of one training recording share.
+
+    Parameters
+    ----------
+    scene, scan, calibration : of the training sweeps
+    visit_std, white_std : (C,) V, standard deviations of the noise of a visit, and of the white noise
+    learning_s : processor time of the calibration, s
+    """
+
+    scene: Scene
+    scan: Scan
+    calibration: Calibration
+    visit_std: np.ndarray
+    white_std: np.ndarray
+    learning_s: float
+
+
+@lru_cache(maxsize=1)
+def learned_from(folder: Path, passes: str, lines: int, texture: float) -> Learned:
+    """Learn from ``train``; the last one is kept, for the variants of its tests.
+
+    Raises
+    ------
+    ScanError
+        The folder lacks the file, or the file a column.
+    """
+    train = find_file(folder, "train")
+    if train is None:
+        raise _missing(folder)
+    scene = load_scene(folder / "scene.yaml")
+    trained = with_passes(load_recording(train, scene), passes, lines)
+    visit_std = np.sqrt(whiten(scan_of(trained, scene), scene).noise.variance)
+    scan = scan_of(with_texture(trained, texture * visit_std), scene)
+    began = time.process_time()
+    calibration = learn(scan, scene)
+    learning_s = time.process_time() - began
+    return Learned(scene, scan, calibration, visit_std, white_noise_std(trained), learning_s)
+
+
+def _missing(folder: Path) -> ScanError:
+    return ScanError(f"{folder}: expected train.csv[.gz] and test.csv[.gz]")
+
+
 def measure_folder(folder: Path, variant: Variant, configuration: Configuration, seed: int) -> list[Row]:
     """The row of one folder, variant and seed.
 
@@ -194,19 +241,15 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
     ScanError
         The folder lacks a file, or a file a column.
     """
-    scene = load_scene(folder / "scene.yaml")
-    files = {name: find_file(folder, name) for name in ("train", "test", "blank")}
-    train, test = files["train"], files["test"]
-    if train is None or test is None:
-        raise ScanError(f"{folder}: expected train.csv[.gz] and test.csv[.gz]")
-    trained = with_passes(load_recording(train, scene), variant.passes, variant.lines)
-    added = white_noise_std(trained) * np.sqrt(variant.gauge_noise**2 - 1.0)
-    added[0] = np.hypot(added[0], variant.noisy_channel * white_noise_std(trained)[0])
-    visit_std = np.sqrt(whiten(scan_of(trained, scene), scene).noise.variance)
-    scan = scan_of(with_texture(trained, variant.texture * visit_std), scene)
-    began = time.process_time()
-    calibration = learn(scan, scene)
-    learning_s = time.process_time() - began
+    scene, scan, calibration, visit_std, white_std, learning_s = learned_from(
+        folder, variant.passes, variant.lines, variant.texture
+    )
+    test = find_file(folder, "test")
+    if test is None:
+        raise _missing(folder)
+    blank = find_file(folder, "blank")
+    added = white_std * np.sqrt(variant.gauge_noise**2 - 1.0)
+    added[0] = np.hypot(added[0], variant.noisy_channel * white_std[0])
     localizer = build_localizer(
         scan, scene, configuration, np.random.default_rng(seed), calibration=calibration
     )
@@ -242,13 +285,20 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         },
         "standard_errors": standard_errors(measures, sweeps),
     }
-    if files["blank"] is not None:
-        row["false_blank"] = ever_converged(replayed(files["blank"], added, variant.texture))
+    if blank is not None:
+        row["false_blank"] = ever_converged(replayed(blank, added, variant.texture))
     others = [replayed(path, 0.0 * added) for path in sorted(folder.glob("foreign_*.csv*"))]
     if foreign := [sweep for recording in others for sweep in recording]:
         row |= on_unscanned(foreign)
         row["standard_errors"] |= standard_errors(on_unscanned, foreign)
     return [row]
+
+
+def measure_variants(
+    folder: Path, variants: Sequence[Variant], configuration: Configuration, seed: int
+) -> list[Row]:
+    """The rows of several variants of one folder, which is learned from once."""
+    return [row for variant in variants for row in measure_folder(folder, variant, configuration, seed)]
 
 
 def localize(

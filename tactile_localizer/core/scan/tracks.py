@@ -15,6 +15,8 @@ from tactile_localizer.scene import Scene
 
 PITCH = 0.0005
 """Least distance between two points of a track, m: finer than any load cell resolves."""
+_ROUNDING = 1e-6
+"""Fraction by which rounding may shorten a distance: a scan may have a strain at each pitch."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ def _means_over_stretches(values: np.ndarray, positions: np.ndarray) -> np.ndarr
     """Means of values (n, ...) over stretches at least one pitch long, along positions (n, d) in metres."""
     starts, points = [0], positions.tolist()
     for index, point in enumerate(points):
-        if math.dist(point, points[starts[-1]]) >= PITCH:
+        if math.dist(point, points[starts[-1]]) >= (1.0 - _ROUNDING) * PITCH:
             starts.append(index)
     counts = np.diff([*starts, len(points)])
     return np.asarray(np.add.reduceat(values, starts, axis=0) / counts[:, None])
