@@ -51,3 +51,15 @@ def test_the_variance_grows_with_the_travel_whatever_the_steps(step):
 def test_more_cells_than_memory_is_meant_for_are_refused():
     with pytest.raises(SceneError, match="expected at most 1,000,000 cells, got 2,500,000,000"):
         GridFilter(scene(), np.array([1e-6, 1e-6]))
+
+
+@pytest.mark.parametrize("step", [1e-5, 1e-4, 1e-3])
+def test_diffusion_that_is_saved_up_is_part_of_the_covariance(step):
+    """Between two diffusions of the cells too, and a belief that begins anew has none left."""
+    grid = GridFilter(line(motion_std=0.1), np.array([0.01]))
+    for _ in range(2):
+        grid.seed(np.array([0.0]), np.array([0.03]))
+        before = flat_update(grid).covariance[0, 0]
+        assert before == pytest.approx(0.03**2 + 0.01**2 / 12.0, abs=1e-8)
+        grid.predict(np.zeros(1), step)
+        assert flat_update(grid).covariance[0, 0] - before == pytest.approx(0.1**2 * step, rel=1e-3)
