@@ -148,7 +148,7 @@ def test_a_grid_has_no_seed(before: dict[str, tuple[np.ndarray, np.ndarray]]) ->
 def test_pairs_recorded_twice_hardly_matter(before: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
     """The white noise of the scan is that of their differences; on the ridge the mean is not sure."""
     twice = {name: getattr(FIRST.scan, name).repeat(2, axis=0) for name in ("states", "strain", "sweep")}
-    compare(before["grid"], FIRST._replace(scan=replace(FIRST.scan, **twice)).estimates(), 1e-3, 0.02)
+    compare(before["grid"], FIRST._replace(scan=replace(FIRST.scan, **twice)).estimates(), 1e-3, 0.05)
 
 
 def ends_alike(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> None:

@@ -176,13 +176,13 @@ def test_a_part_keeps_its_points_and_the_noise_and_variance_of_all() -> None:
     np.testing.assert_array_equal(part.scan.levels, levels[1:])
 
 
-def test_cells_have_the_size_of_lines_and_on_one_axis_that_of_a_tracks_points() -> None:
+def test_cells_have_the_size_of_lines_and_on_one_axis_a_quarter_of_a_pitch() -> None:
     plane = Scene(
         "plane", (Axis("x", 0.0, 0.1, 0.003), Axis("y", 0.0, 0.02, 0.003)), (Phalanx("index", (0.0, 0.0)),)
     )
     whitened = whitened_scan(line_scan(), LINE)._replace(spacing=0.004)
     of = SweepModel(whitened, VarianceModel())
-    np.testing.assert_allclose(of.cell(LINE, 0.5), [0.0005])
+    np.testing.assert_allclose(of.cell(LINE, 0.5), [0.0005 / 4.0])
     np.testing.assert_allclose(of.cell(plane, 0.5), [0.002, 0.002])
 
 
