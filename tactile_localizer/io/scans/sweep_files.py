@@ -120,7 +120,8 @@ class OpenSweep:
     def recorded(self) -> RecordedSweep:
         """The sweep as it would be read, from memory."""
         details = {"gaps": self.gaps, "skipped": self.skipped, "strain_unit": self.strain_unit}
-        return _recorded(self.number, self._records, self._scene, details)
+        pairs = np.frombuffer(self._records, _record_type(self._scene))
+        return _recorded(self.number, pairs, self._scene, details)
 
     def _write(self, content: bytes, *, sync: bool = True) -> None:
         if not self.is_in_place:
@@ -171,11 +172,14 @@ def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, in
     if damaged and not intact:
         raise ScanError(f"{path}: expected pairs of the scan's scene, found none that is intact")
     ending = ENDED if details else ENDED_EARLY
-    return _recorded(number, intact, scene, {"ending": ending, **details}), damaged
+    pairs = np.frombuffer(intact, _record_type(scene))
+    rising = np.ones(len(pairs), dtype=bool)  # unlike those of a part that is in the file twice
+    rising[1:] = pairs["stamp_ns"][1:] > np.maximum.accumulate(pairs["stamp_ns"])[:-1]
+    sweep = _recorded(number, pairs[rising], scene, {"ending": ending, **details})
+    return sweep, damaged + int(np.sum(~rising))
 
 
-def _recorded(number: int, records: bytearray, scene: Scene, details: Mapping[str, Any]) -> RecordedSweep:
-    pairs = np.frombuffer(records, _record_type(scene))
+def _recorded(number: int, pairs: np.ndarray, scene: Scene, details: Mapping[str, Any]) -> RecordedSweep:
     return RecordedSweep(
         number,
         pairs["stamp_ns"].copy(),

@@ -85,6 +85,19 @@ def test_damage_costs_the_damaged_pairs_only(path):
             assert file.read_bytes() == content
 
 
+@pytest.mark.parametrize("part", [slice(None), slice(300, 4000), slice(0, 2000)])
+def test_a_part_that_is_in_a_file_twice_counts_once(path, part):
+    """As after an interrupted copy that was continued: stamps of a sweep increase."""
+    file = path / "sweep_0002.npy"
+    good = file.read_bytes()
+    file.write_bytes(good[: part.stop] + good[part])
+    found = ScanFolder(path).recording()
+    for sweep in found.sweeps:
+        assert (np.diff(sweep.stamp_ns) > 0).all()
+        np.testing.assert_array_equal(sweep.strain[:, 0], sweep.stamp_ns)
+    assert "sweep_0002.npy" in found.notes[0]
+
+
 def test_a_second_writer_is_refused(path):
     with ScanWriter(path, SCENE) as writer:
         with pytest.raises(ScanError, match="scan: expected no other writer, another process is writing it"):

@@ -48,7 +48,8 @@ def test_a_recorded_scan_reads_back(tmp_path, monkeypatch):
         one, two = writer.begin_sweep(), writer.begin_sweep()
         two.append(*pairs(seed=3))
         for seed in (1, 2):
-            one.append(*pairs(seed=seed))
+            stamp_ns, *values = pairs(seed=seed)
+            one.append(stamp_ns + 50_000_000 * (seed - 1), *values)
         one.gaps, one.skipped, one.strain_unit, two.strain_unit = 3, 4, "counts", "counts"
         one.end()
         two.end()
@@ -61,7 +62,7 @@ def test_a_recorded_scan_reads_back(tmp_path, monkeypatch):
     first, second = scan.recording().sweeps
     assert (first.number, len(first), first.gaps, first.skipped, first.ending) == (1, 20, 3, 4, "ended")
     assert (second.number, second.strain_unit, second.ending) == (2, "counts", "ended")
-    np.testing.assert_array_equal(first.stamp_ns, np.tile(pairs()[0], 2))
+    np.testing.assert_array_equal(first.stamp_ns, pairs(20)[0])
     loaded = scan.load()
     np.testing.assert_array_equal(loaded.states, np.concatenate([pairs(seed=seed)[1] for seed in (1, 2, 3)]))
     np.testing.assert_array_equal(loaded.strain, np.concatenate([pairs(seed=seed)[2] for seed in (1, 2, 3)]))
