@@ -104,9 +104,10 @@ def run(args: argparse.Namespace) -> int:
             print(f"  {printable(line)}")
     made = ScanFolder(args.output).recording()
     print(f"{args.output}: {len(made.sweeps)} sweeps, {len(made)} pairs")
-    for note in (*notes, *findings(scan_of(made, scene), scene, made.sweeps)):
+    scan = scan_of(made, scene)
+    for note in (*notes, *findings(scan, scene, made.sweeps)):
         print(f"  {printable(note)}", flush=True)
-    examination = examined(args.output, scene)
+    examination = examined(args.output, scan, scene)
     for line in (*describe_examination(scene, examination), *examination_findings(scene, examination)):
         print(f"  {printable(line)}")
     return 0

@@ -17,6 +17,7 @@ from tactile_localizer.cli.outputs import (
 )
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.core.calibration.examination import Examination
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import printable
 from tactile_localizer.io.recording import scan_of
 from tactile_localizer.io.scans.folder import DROPPED, ScanFolder
@@ -62,8 +63,9 @@ def _info(args: argparse.Namespace) -> int:
     sweeps = recording.sweeps
     found, examination = ["no pairs"], Examination()
     if len(recording):
-        found = findings(scan_of(recording, scene), scene, sweeps)
-        examination = examined(args.scan, scene)
+        scan = scan_of(recording, scene)
+        found = findings(scan, scene, sweeps)
+        examination = examined(args.scan, scan, scene)
         found += examination_findings(scene, examination)
     dropped = len(folder.files(DROPPED)[0])
     axes = ", ".join(f"{axis.name} {axis.lower:g} to {axis.upper:g}" for axis in scene.axes)
@@ -93,10 +95,10 @@ def _info(args: argparse.Namespace) -> int:
     return 0
 
 
-def examined(path: str | Path, scene: Scene) -> Examination:
+def examined(path: str | Path, scan: Scan, scene: Scene) -> Examination:
     """The examination of a scan, kept in its folder or made now, with progress."""
     with progress_line() as progress:
-        return learned_calibration(path, ScanFolder(path).load(), scene, progress).examination
+        return learned_calibration(path, scan, scene, progress).examination
 
 
 def _picture(folder: Path, name: str) -> Path:

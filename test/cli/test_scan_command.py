@@ -43,7 +43,8 @@ def scan(tmp_path, monkeypatch):
 
 def test_info_prints_totals_history_and_findings(scan, capsys):
     assert main(["scan", "info", "bump_scan"]) == 0
-    output = capsys.readouterr().out
+    output, logged = capsys.readouterr()
+    assert "sweep_0004" not in logged, "it is among the findings"
     assert output.startswith("bump_scan: 303 pairs in 3 sweeps (1 dropped)\n")
     for text in (
         "sheet: x 0 to 0.05, y 0 to 0.01",
