@@ -9,6 +9,7 @@ from typing import Any
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.bags.reader import Wanted, absolute
 from tactile_localizer.io.bags.sweeps import Change, Travel
+from tactile_localizer.io.recording import NO_SWEEP
 from tactile_localizer.io.strain_adapter import StrainAdapter, StrainVector
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.scene import Scene
@@ -39,7 +40,7 @@ def stamp_of(message: Any) -> int:
 
 def _change_of_status(message: Any, received_ns: int) -> Change:
     """Convert a ``ScanStatus``."""
-    return Change(_nanoseconds(message), int(message.sweep) if message.sweep_active else 0)
+    return Change(_nanoseconds(message), int(message.sweep) if message.sweep_active else NO_SWEEP)
 
 
 def _travel_of(message: Any, received_ns: int) -> Travel:

@@ -18,12 +18,10 @@ from tactile_localizer.io.bags.sweeps import (
     TOPICS,
     WHOLE_BAG,
     Change,
-    Span,
-    localized_spans,
-    spans,
+    localized_changes,
+    sweeps_at,
 )
 from tactile_localizer.io.recording import (
-    NO_SWEEP,
     RecordedSweep,
     Recording,
     cut,
@@ -152,11 +150,10 @@ def read_bag(
     truth = None
     if found["truth"]:
         truth, _ = paired(_positions(found["truth"], frame, names["truth"], notes))
-    samples = RecordedSweep(WHOLE_BAG.number, stamp_ns, position, strain, status, truth)
-    number = np.full(len(run), WHOLE_BAG.number if detector else NO_SWEEP)
+    samples = RecordedSweep(0, stamp_ns, position, strain, status, truth)
+    number = np.ones(len(run), dtype=np.intp)
     for each in range(0 if detector else run.max() + 1):
-        for span in _spans(found, each, by_status):
-            number[(run == each) & (stamp_ns > span.after_ns) & (stamp_ns <= span.until_ns)] = span.number
+        number[run == each] = sweeps_at(_changes(found, each, by_status), stamp_ns[run == each])
     sweeps, outside = cut(samples, run, number, has_position, detector)
     lost = sum(count for count, _ in messages.invalid.values())
     return join([Recording(str(path), tuple(sweeps), (*notes, *outside), lost)])
@@ -205,7 +202,7 @@ def _delay_notes(strain: Sequence[_Arrived], poses: Sequence[_Arrived], topic: s
         yield f"{topic}: {text}: another clock, or the time of sending?"
 
 
-def _spans(found: Mapping[str, list[_Arrived]], run: int, by_status: bool) -> list[Span]:
+def _changes(found: Mapping[str, list[_Arrived]], run: int, by_status: bool) -> Sequence[Change]:
     """Sweeps of a run of the strain, as the nodes report them in the messages ``found`` by name."""
 
     def until(name: str) -> list[Any]:
@@ -216,8 +213,8 @@ def _spans(found: Mapping[str, list[_Arrived]], run: int, by_status: bool) -> li
         return [each.value._replace(stamp_ns=at) for each, at in zip(until_now, at_ns, strict=True)]
 
     if by_status:
-        return spans(until("status")) if found["status"] else [WHOLE_BAG]
-    return localized_spans(until("active"), until("posterior"))
+        return until("status") if found["status"] else WHOLE_BAG
+    return localized_changes(until("active"), until("posterior"))
 
 
 def _from_tf(found: Mapping[str, list[_Arrived]], target: str, source: str) -> list[_Arrived]:
