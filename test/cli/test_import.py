@@ -1,6 +1,7 @@
 """The command `import`."""
 
 import csv
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 from support.bags import SCENE, moved, slide, write_bag
 from support.notes import counts
 
-from tactile_localizer.cli import main
+from tactile_localizer.cli import main, progress
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import load_scene, save_scene
@@ -32,8 +33,9 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def run(folder, capsys):
-    """Function that runs an import; returns its status and what it printed."""
+def run(folder, capsys, monkeypatch):
+    """Function that runs an import; returns its status and what it printed, without progress."""
+    monkeypatch.setattr(progress, "LINE_EVERY_S", math.inf)  # on a busy machine there would be lines of it
 
     def call(arguments, *more):
         status = main(["import", *arguments.split(), *more])
