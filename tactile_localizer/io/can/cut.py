@@ -31,7 +31,7 @@ _LARGER = 1.5
 """Ratio from which a gap within cycles is larger than that before them."""
 
 _CONFIRMATIONS = 4
-"""Cycles in a row with a larger gap after which they begin behind it; 2 until the period is known."""
+"""Cycles in a row with a larger gap after which they begin behind it; 2 among the first cycles."""
 
 
 @dataclass(slots=True, eq=False)
@@ -86,15 +86,16 @@ class CycleCut:
     Parameters
     ----------
     messages : number of messages
-    period_ns : longest period of load cells that send irregularly, ns; 0: estimated, and frames before the
-        first cycle whose begin is known are in none
+    period_ns : longest period of load cells that send irregularly, ns, whose first frame begins a cycle; 0:
+        estimated, and frames before the first cycle whose begin is known are in none
 
     Attributes
     ----------
     paces : times of each message
     period_ns : given, or that of the fastest message; 0: unknown
     number : of the newest cycle
-    is_aligned : whether frames are in cycles: the first frame of one was received since the cut moved
+    is_aligned : whether frames are in cycles: the first of one was received since the start, or since the cut
+        moved
     """
 
     def __init__(self, messages: int, period_ns: int) -> None:
@@ -135,7 +136,7 @@ class CycleCut:
         begins = False
         if self.is_aligned and (is_due or self._is_next(pace, stamp_ns, samples)):
             self._confirmed = self._confirmed + 1 if self._gap_ns > _LARGER * self._before_ns else 0
-            begins = self._confirmed < (_CONFIRMATIONS if self.period_ns else 2)
+            begins = self._confirmed < (_CONFIRMATIONS if self.number > _EACH else 2)
             if not begins:
                 self.restart(self._behind)
         elif self._gap_ns < gap_ns:
@@ -162,8 +163,9 @@ class CycleCut:
         """Whether a frame is not of the newest cycle, of which the frame of its message was lost."""
         if self.cycles_since(pace, stamp_ns) == self.number - pace.cycle:
             return False
-        usual = (pace.cycles_per_sample + 0.5) * (self._size - 1)
-        return samples > 1 or self._received - pace.received > usual  # else the whole bus is late
+        most = 1.5 * pace.cycles_per_sample * max(1, self._size - 1)  # since its frame before
+        has_missed = pace.measured >= _EACH and self._received - pace.received > most
+        return samples > 1 or has_missed  # else the whole bus is late
 
     def note(self, pace: Pace, stamp_ns: int, samples: int) -> bool:
         """Follow the periods with a frame; returns whether one was estimated."""
