@@ -87,8 +87,8 @@ pictures: build ## Draw the pictures of the pages (seven minutes)
 	$(run) python docs/make/animation.py
 	rm -rf out/pictures
 	$(run) tactile-localizer import csv $(shipped)/train.csv.gz --scene $(shipped)/scene.yaml -o out/pictures/scan
-	$(run) tactile-localizer tradeoff $(shipped)/test.csv.gz --scan out/pictures/scan --jobs 2 -o docs/images
-	mv docs/images/*.json out/pictures
+	$(run) tactile-localizer tradeoff $(shipped)/test.csv.gz --scan out/pictures/scan --jobs 2 -o out/pictures
+	mv out/pictures/tradeoff.png docs/images
 	$(run) python benchmarks/features.py --seeds 1 --sweeps 9 --no-region --plot docs/images/convergence.png \
 		--probabilities 0.8 0.9 0.97 0.99
 	$(run) python docs/make/essentials.py
