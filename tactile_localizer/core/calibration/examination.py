@@ -6,9 +6,9 @@ independent measurement, is that with the best log score: the mean logarithm of 
 to the truth, a proper scoring rule (Gneiting and Raftery, 2007). So the learning rate of a generalized
 posterior (Bissiri, Holmes and Walker, 2016) is learned.
 
-Half of the score is that of sweeps on the map. The other half is that of parts of sweeps on a map of which
-their surroundings are left out: other material of the same kind, where the truth is that the hand is not on
-the map.
+The score is that of sweeps on the map. Parts of sweeps on a map of which their surroundings are left out are
+other material of the same kind: there every claim is false. Lengths at which false claims are more than
+chance are not chosen.
 """
 
 from __future__ import annotations
@@ -32,10 +32,12 @@ from tactile_localizer.scene import Scene
 
 LENGTHS = (0.001, 0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
 """Information lengths to choose from, m; the search begins at the middle."""
+_BY_CHANCE = 1
+"""False claims in all trials that are no pattern yet. By judgement."""
 UNEXAMINED = 0.0085
 """Information length where no sweep can be held out, m. By judgement."""
 _MOST_SWEEPS = 6
-"""Sweeps that are held out."""
+"""Sweeps that are held out, and parts of them that are localized on either half of the map."""
 _LONGEST = 0.1
 """m of a sweep that are localized."""
 _LEAST_STRAINS = 10
@@ -143,9 +145,7 @@ class _Trial(NamedTuple):
 
 
 def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | None = None) -> Examination:
-    """Choose the information length with the best score of held-out sweeps.
-
-    Where its standard error leaves a choice, the fewest false claims decide, then the score on the map.
+    """Choose the information length with the best score on the map, among those without many false claims.
 
     Parameters
     ----------
@@ -160,20 +160,19 @@ def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | No
         return Examination()
     tried: dict[int, list[Outcome]] = {}
 
-    def score(choice: int) -> float:
+    def merit(choice: int) -> tuple[int, float]:
         if choice not in tried:
             tried[choice] = [_localize(trial, LENGTHS[choice]) for trial in trials]
             if progress is not None:
                 progress(min(len(tried) / 5.0, 1.0))
-        return sum(_scores(tried[choice]))
+        claims = sum(each.wrong for each in tried[choice])
+        return min(_BY_CHANCE - claims, 0), _scores(tried[choice])[0]
 
-    best, step = len(LENGTHS) // 2, 1
-    score(best)
+    best = len(LENGTHS) // 2
+    merit(best)
     for step in (-1, 1):
-        while 0 <= best + step < len(LENGTHS) and score(best + step) > score(best):
+        while 0 <= best + step < len(LENGTHS) and merit(best + step) > merit(best):
             best += step
-    doubt = [choice for choice in tried if _as_good(tried[choice], tried[best])]
-    best = min(doubt, key=lambda choice: (_false_claims(tried[choice]), -_scores(tried[choice])[0]))
     scores = tuple((LENGTHS[choice], *_scores(tried[choice])) for choice in sorted(tried))
     radius = trials[0].localizer.criteria.radius
     return Examination(LENGTHS[best], *_ignorance(scene, radius), tuple(tried[best]), scores)
@@ -201,8 +200,10 @@ def _trials(scan: Scan, model: SweepModel, build: Build) -> Iterator[_Trial]:
         if kept.all() or not kept.any():
             continue
         localizer = build(model.part(kept), surroundings(scene, tracks.positions[kept]))
-        for index, own in list(zip(chosen, sweeps, strict=True))[side::2]:
+        for trial in range(_MOST_SWEEPS):
+            index, own = chosen[trial % len(chosen)], sweeps[trial % len(chosen)]
             rows = own[(positions[own, along] > middle) != bool(side)]
+            rows = rows[int(rng.uniform(0.0, 0.5) * len(rows)) :]
             if len(rows) >= _LEAST_STRAINS:
                 rows = _first(rows, positions, scene)
                 yield _Trial(index, False, localizer, positions[rows], strain[rows])
@@ -288,21 +289,6 @@ def _scores(outcomes: Sequence[Outcome]) -> tuple[float, float]:
     by_truth = ([each.score for each in outcomes if each.on_map is on_map] for on_map in (True, False))
     on_map, off_map = (_mean(each) for each in by_truth)
     return on_map, off_map
-
-
-def _as_good(outcomes: Sequence[Outcome], best: Sequence[Outcome]) -> bool:
-    """Whether the best score exceeds that of other outcomes by at most its standard error over sweeps."""
-    sweeps = sorted({each.sweep for each in best})
-    lost = []
-    for sweep in sweeps:
-        own = [[one for one in each if one.sweep == sweep] for each in (best, outcomes)]
-        lost.append(sum(_scores(own[0])) - sum(_scores(own[1])))
-    error = float(np.std(lost, ddof=1)) / math.sqrt(len(sweeps)) if len(sweeps) > 1 else 0.0
-    return sum(_scores(best)) - sum(_scores(outcomes)) <= error
-
-
-def _false_claims(outcomes: Sequence[Outcome]) -> int:
-    return sum(each.wrong for each in outcomes)
 
 
 def _mean(values: Sequence[float]) -> float:

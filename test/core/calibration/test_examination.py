@@ -1,5 +1,7 @@
 """The examination of a scan by its own sweeps."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from support.scans import raster, slides
@@ -9,7 +11,7 @@ from tactile_localizer.core.calibration.examination import (
     UNEXAMINED,
     Examination,
     Outcome,
-    _as_good,
+    _Trial,
 )
 from tactile_localizer.core.factory import learn
 from tactile_localizer.core.scan.scan import Scan
@@ -68,27 +70,20 @@ def test_a_single_sweep_cannot_be_examined() -> None:
     assert examination.score == examination.ignorance
 
 
-def outcomes(*scores: float) -> list[Outcome]:
-    return [
-        Outcome(n, True, score, True, False, True, (0.0,), (0.0,), (0.0,)) for n, score in enumerate(scores)
-    ]
+@pytest.mark.parametrize(("claims", "chosen"), [(1, 0.0017), (2, 0.005)])
+def test_a_length_with_more_false_claims_than_chance_is_not_chosen(
+    monkeypatch: pytest.MonkeyPatch, claims: int, chosen: float
+) -> None:
+    """Of the others the score on the map decides."""
+    made = Counter[float]()
+    score = {0.0017: -0.9, 0.003: -1.0, 0.005: -1.1}
 
-
-def test_scores_within_a_standard_error_are_as_good() -> None:
-    best = outcomes(-1.0, -1.0, -1.0, -1.0)
-    assert _as_good(best, best)
-    assert _as_good(outcomes(-1.3, -0.9, -1.3, -0.9), best)
-    assert not _as_good(outcomes(-1.3, -1.2, -1.3, -1.2), best)
-
-
-def test_of_lengths_that_are_as_good_the_fewest_false_claims_decide(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Then the score on the map."""
-    claims = {0.0017: (-0.9, True), 0.003: (-1.0, False), 0.005: (-0.95, False)}
-
-    def localized(_trial: object, length: float) -> Outcome:
-        score, wrong = claims.get(length, (-5.0, False))
-        jitter = 0.5 * (-1.0) ** _trial.sweep * (length < 0.004)  # type: ignore[attr-defined]
-        return Outcome(_trial.sweep, _trial.on_map, score + jitter, True, wrong, True, (0.0,) * 2, (0.0,) * 2)  # type: ignore[attr-defined]
+    def localized(trial: _Trial, length: float) -> Outcome:
+        made[length] += 1
+        wrong = length < 0.004 and made[length] <= claims
+        return Outcome(
+            trial.sweep, trial.on_map, score.get(length, -5.0), True, wrong, True, (0.0,) * 2, (0.0,) * 2
+        )
 
     monkeypatch.setattr(module, "_localize", localized)
-    assert learn(scan(0.15), SHEET).examination.information_length == 0.005
+    assert learn(scan(0.15), SHEET).examination.information_length == chosen
