@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.calibration.examination import Examination, Outcome
+from tactile_localizer.core.calibration.examination import BY_CHANCE, Examination, Outcome
 from tactile_localizer.errors import listed
 from tactile_localizer.offline.axes import MM, describe_sizes
 from tactile_localizer.scene import Scene
@@ -67,8 +67,14 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
                     f"{factor * extent:.3g} {unit}: nothing that was scanned distinguishes places along it; "
                     f"scan something that does, or name {listed(known)} alone in the scene"
                 )
-    if wrong := sorted({each.sweep + 1 for each in examination.outcomes if each.wrong}):
+    if wrong := sorted({each.sweep + 1 for each in on_map if each.wrong}):
         found.append(f"converged at a wrong place in the examination: sweep {listed(map(str, wrong))}")
+    false = sum(each.converged for each in examination.off_map)
+    if false > BY_CHANCE:
+        found.append(
+            f"{false} of {len(examination.off_map)} trials converge on material that is not on the map: "
+            "it resembles itself, and other material of its kind may be taken for it"
+        )
     if _sweeps(on_map) < _FEW:
         found.append(f"examination: only {_sweeps(on_map)} sweeps, which says little; record more")
     return found

@@ -32,7 +32,7 @@ from tactile_localizer.scene import Scene
 
 LENGTHS = (0.001, 0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
 """Information lengths to choose from, m; the search begins at the middle."""
-_BY_CHANCE = 1
+BY_CHANCE = 1
 """False claims in all trials that are no pattern yet. By judgement."""
 UNEXAMINED = 0.0085
 """Information length where no sweep can be held out, m. By judgement."""
@@ -166,7 +166,7 @@ def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | No
             if progress is not None:
                 progress(min(len(tried) / 5.0, 1.0))
         claims = sum(each.wrong for each in tried[choice])
-        return min(_BY_CHANCE - claims, 0), _scores(tried[choice])[0]
+        return min(BY_CHANCE - claims, 0), _scores(tried[choice])[0]
 
     best = len(LENGTHS) // 2
     merit(best)
