@@ -58,7 +58,6 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from itertools import product
 from operator import itemgetter
 from pathlib import Path
@@ -207,9 +206,8 @@ class Learned(NamedTuple):
     learning_s: float
 
 
-@lru_cache(maxsize=1)
 def learned_from(folder: Path, passes: str, lines: int, texture: float) -> Learned:
-    """Learn from ``train``; the last one is kept, for the variants of its tests.
+    """Learn from ``train``.
 
     Raises
     ------
@@ -233,15 +231,17 @@ def _missing(folder: Path) -> ScanError:
     return ScanError(f"{folder}: expected train.csv[.gz] and test.csv[.gz]")
 
 
-def measure_folder(folder: Path, variant: Variant, configuration: Configuration, seed: int) -> list[Row]:
-    """The row of one folder, variant and seed.
+def measure_folder(
+    folder: Path, variant: Variant, configuration: Configuration, seed: int, learned: Learned | None = None
+) -> list[Row]:
+    """The row of one folder, variant and seed; ``learned`` from its ``train``, or ``None``.
 
     Raises
     ------
     ScanError
         The folder lacks a file, or a file a column.
     """
-    scene, scan, calibration, visit_std, white_std, learning_s = learned_from(
+    scene, scan, calibration, visit_std, white_std, learning_s = learned or learned_from(
         folder, variant.passes, variant.lines, variant.texture
     )
     test = find_file(folder, "test")
@@ -297,8 +297,12 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
 def measure_variants(
     folder: Path, variants: Sequence[Variant], configuration: Configuration, seed: int
 ) -> list[Row]:
-    """The rows of several variants of one folder, which is learned from once."""
-    return [row for variant in variants for row in measure_folder(folder, variant, configuration, seed)]
+    """The rows of several variants of one folder's tests; what they learn from is that of the first."""
+    first = variants[0]
+    learned = learned_from(folder, first.passes, first.lines, first.texture)
+    return [
+        row for variant in variants for row in measure_folder(folder, variant, configuration, seed, learned)
+    ]
 
 
 def localize(
