@@ -36,7 +36,7 @@ def test_configurations_are_compared_on_an_own_scan_without_a_region(
             own = rows[rows[:, 1] == sweep][:, columns]
             np.savetxt(f"{kind}_{sweep}.csv", own, "%.9f", delimiter=",", header=header, comments="")
     Path("own.yaml").write_text("cell: 1.0\nupdate_distance: 0.001\n")
-    Path("region.yaml").write_text("model: featureless\nfilter: particle\n")
+    Path("region.yaml").write_text("model: tactile_localizer.paper:Featureless\nfilter: particle\n")
     command = f"{COMMAND} --configurations own.yaml region.yaml fast".split()
     assert main([*command, "--target-mm", "100"]) == 0
     printed = capsys.readouterr().out

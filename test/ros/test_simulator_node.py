@@ -116,7 +116,7 @@ def test_frames_carry_the_strain_of_a_sweep_and_poses_a_constant_offset(start, h
     felt = simulate_sweep("bump", 1, 0, "test", start=start_at, end=end, rate=CELL_HZ).strain[:, :4]
     sent = np.array([protocol.decode(frame.data + others)[0][:4] for frame in of_index])
     apart = np.max(np.abs(sent[:, None] - felt), axis=2)
-    assert np.max(np.min(apart, axis=1)) < 0.02
+    assert np.max(np.min(apart, axis=1)[1:]) < 0.02  # the first can be of before the sweep
     assert np.max(np.min(apart, axis=0)[1:-1]) < 1e-3  # no sample is left out
 
 

@@ -30,7 +30,7 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import evenly
 from tactile_localizer.scene import Scene
 
-LENGTHS = (0.001, 0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
+LENGTHS = (0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
 """Information lengths to choose from, m; the search begins at the middle."""
 BY_CHANCE = 1
 """False claims in all trials that are no pattern yet. By judgement."""
