@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from support.waiting import children, has_ended, wait_until
+from support.waiting import StarvedError, children, has_ended, wait_until
 
 from tactile_localizer.errors import LiveError
 from tactile_localizer.io.bags.reader import Wanted, read_messages
@@ -105,6 +105,8 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     steps, replayed = demo.output.split("$ tactile-localizer replay ")
     assert "sweep  3: " in steps
     assert "\nlocalized: 3 of 3 sweeps right" in replayed, demo.output
+    if "the machine is too busy" in demo.output:  # as it says when frames were lost
+        raise StarvedError(demo.output)
     assert status == 0, demo.output
     assert [line for line in demo.lines if len(line) > 80 and str(tmp_path) not in line] == []
     assert (folder / "replay.png").stat().st_size > 10_000
