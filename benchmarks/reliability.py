@@ -111,7 +111,7 @@ def draw(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     axes.axvline(Configuration().convergence_probability, color="0.6", linestyle=":", linewidth=1.0)
     axes.text(Configuration().convergence_probability, 0.02, "converged ", ha="right", fontsize=8)
     axes.set(xlabel="claimed probability", ylabel="part that is right", xlim=(0.5, 1.0), ylim=(0.0, 1.02))
-    axes.legend(loc="center left", frameon=False)
+    axes.legend(loc="lower left", frameon=False)
     figure.savefig(path, dpi=130)
 
 
