@@ -31,7 +31,8 @@ _LARGER = 1.5
 """Ratio from which a gap within cycles is larger than that before them."""
 
 _CONFIRMATIONS = 4
-"""Cycles in a row with a larger gap after which they begin behind it; 2 among the first cycles."""
+"""Cycles in a row with a larger gap after which they begin behind it; 2 among the first cycles, unless the
+load cells send irregularly: on a busy machine, gaps within their bursts are then soon larger twice."""
 
 
 @dataclass(slots=True, eq=False)
@@ -136,7 +137,8 @@ class CycleCut:
         begins = False
         if self.is_aligned and (is_due or self._is_next(pace, stamp_ns, samples)):
             self._confirmed = self._confirmed + 1 if self._gap_ns > _LARGER * self._before_ns else 0
-            begins = self._confirmed < (_CONFIRMATIONS if self.number > _EACH else 2)
+            is_early = self._is_estimated and self.number <= _EACH
+            begins = self._confirmed < (2 if is_early else _CONFIRMATIONS)
             if not begins:
                 self.restart(self._behind)
         elif self._gap_ns < gap_ns:
