@@ -8,17 +8,20 @@ import os
 import shlex
 import shutil
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from tactile_localizer.cli import main
 from tactile_localizer.cli.outputs import require_picture, require_writable
 from tactile_localizer.cli.recordings import add_seed_argument
 from tactile_localizer.errors import LiveError, ParameterError
-from tactile_localizer.io.whole_file import RESULT, is_result, writing
+from tactile_localizer.io.whole_file import is_result, open_file, writing
+from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.sim.material import SIMULATED_FEATURES
 
-_MARK = "log/session.txt"
-"""File by which a demo recognizes the folder of an earlier one."""
+_FOLDERS = ("scan", "bag", "log")
+_MARK = "log/session.json"
+"""File in which a demo notes what it left, so that the next one replaces nothing else."""
 _WIDTH = 79
 """Longest printed line, characters."""
 
@@ -46,7 +49,9 @@ def run(args: argparse.Namespace) -> int:
     LiveError
         A node failed, or a frame, a strain vector or a sweep was lost.
     ParameterError
-        The folder has a scan, a bag or logs that no earlier demo left there.
+        The folder has a scan, a bag or logs with a file that no earlier demo left there as it is.
+    ScanError
+        A file cannot be written or removed.
     """
     figures, picture = args.out / "replay.json", args.out / "replay.png"
     require_writable(figures, args)
@@ -55,17 +60,17 @@ def run(args: argparse.Namespace) -> int:
     from tactile_localizer.demo.session import record_session
 
     for path in earlier:
-        shutil.rmtree(path, ignore_errors=True)
-    mark = args.out / _MARK
-    with writing(mark):
-        mark.parent.mkdir(parents=True)
-        mark.write_text(f"{RESULT} demo: the next one in this folder replaces scan, bag and log\n")
+        with writing(path):
+            shutil.rmtree(path)
     begun_s = time.monotonic()
 
     def say(text: str) -> None:
         print(f"{time.monotonic() - begun_s:5.1f} s  {text}"[:_WIDTH], flush=True)
 
-    lost = record_session(args.feature, args.out, args.seed, args.speed, args.sweeps, say)
+    try:
+        lost = record_session(args.feature, args.out, args.seed, args.speed, args.sweeps, say)
+    finally:
+        write_json(args.out / _MARK, {"files": sorted(_files(args.out))})
     replay = ["replay", f"{args.out}/bag", "--scan", f"{args.out}/scan"]
     replay += ["--plot", str(picture), "--json", str(figures)]
     print(f"\n$ tactile-localizer {shlex.join(replay[:4])} \\\n    {shlex.join(replay[4:])}", flush=True)
@@ -80,10 +85,22 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _earlier(folder: Path) -> list[Path]:
-    """Scan, bag and log in a folder, which must be those of an earlier demo."""
-    found = [path for name in ("scan", "bag", "log") if os.path.lexists(path := folder / name)]
-    if found and not is_result(folder / _MARK):
+    """Scan, bag and log in a folder, which must be as an earlier demo left them."""
+    left: set[tuple[str, int, int]] = set()
+    with suppress(OSError, ValueError, LookupError, TypeError), open_file(folder / _MARK) as mark:
+        left = {(name, size, changed_ns) for name, size, changed_ns in json.load(mark)["files"]}
+    if others := sorted(_files(folder) - left):
+        file = Path(others[0][0])
         raise ParameterError(
-            f"{found[0]}: expected none, or that of an earlier demo, found another; choose another folder"
+            f"{folder / file.parts[0]}: expected none, or that of an earlier demo, found {file} of another "
+            "origin or changed since; choose another folder"
         )
-    return found
+    return [path for name in _FOLDERS if os.path.lexists(path := folder / name)]
+
+
+def _files(folder: Path) -> set[tuple[str, int, int]]:
+    """Name, size and time of change, ns, of each file in scan, bag and log that no command makes again."""
+    places = [folder / name for name in _FOLDERS]
+    paths = [path for place in places for path in (place, *place.rglob("*")) if os.path.lexists(path)]
+    status = {path: path.lstat() for path in paths if not (path.is_dir() or is_result(path))}
+    return {(str(path.relative_to(folder)), each.st_size, each.st_mtime_ns) for path, each in status.items()}

@@ -14,6 +14,7 @@ from tactile_localizer.errors import LiveError
 from tactile_localizer.io.bags.reader import Wanted, read_messages
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.writer import ScanWriter
+from tactile_localizer.io.whole_file import RESULT
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 pytestmark = pytest.mark.ros
@@ -139,19 +140,50 @@ def test_a_scan_with_an_empty_sweep_is_no_success(tmp_path):
         require_sweeps(tmp_path / "scan", 2)
 
 
-def test_only_an_earlier_session_is_replaced(monkeypatch, tmp_path, capsys):
-    from tactile_localizer.cli import main
+def session(monkeypatch, folder):
+    """Stands for the session of the nodes: their files are written, and the demo ends."""
 
-    def begun(*_):
+    def record(*_):
+        for name in ("scan/sweep_0001.npy", "scan/history.jsonl", "bag/bag.mcap", "log/driver.log"):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_text("of the demo")
         raise LiveError("begun")
 
-    monkeypatch.setattr("tactile_localizer.demo.session.record_session", begun)
-    for _ in range(2):
+    monkeypatch.setattr("tactile_localizer.demo.session.record_session", record)
+
+
+def test_an_earlier_session_is_replaced(monkeypatch, tmp_path, capsys):
+    from tactile_localizer.cli import main
+
+    session(monkeypatch, tmp_path)
+    for _ in range(3):
         assert main(["demo", "--out", str(tmp_path)]) == 2
         assert capsys.readouterr().err == "error: begun\n"
-    (tmp_path / "log/session.txt").write_text("of the user")
+        (tmp_path / "scan/calibration.json").write_text(f'{{"kind": "{RESULT}"}}')  # by a replay
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "scan/sweep_0043.npy",
+        "scan/history.jsonl",
+        "scan/dropped/sweep_0002.npy",
+        "bag/notes.txt",
+        "log/session.json",
+    ],
+)
+def test_a_session_with_what_is_not_of_the_demo_stays(monkeypatch, tmp_path, capsys, name):
+    from tactile_localizer.cli import main
+
+    session(monkeypatch, tmp_path)
     assert main(["demo", "--out", str(tmp_path)]) == 2
-    assert f"{tmp_path}/log: expected none, or that of an earlier demo" in capsys.readouterr().err
+    capsys.readouterr()
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text("of the user")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert main(["demo", "--out", str(tmp_path)]) == 2
+    assert "expected none, or that of an earlier demo, found " in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
 def test_a_lost_frame_is_no_success(monkeypatch, tmp_path, capsys):

@@ -24,7 +24,7 @@ from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.whole_file import open_file, whole_file
+from tactile_localizer.io.whole_file import RESULT, open_file, whole_file
 from tactile_localizer.scene import Scene
 
 _log = logging.getLogger(__name__)
@@ -81,6 +81,7 @@ def _content(digest: str, calibration: Calibration) -> dict[str, Any]:
     }
     text = json.dumps(learned)
     return {
+        "kind": RESULT,
         "algorithm": ALGORITHM,
         "digest": digest,
         **json.loads(text),
