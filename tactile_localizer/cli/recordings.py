@@ -115,9 +115,9 @@ def _seconds(text: str) -> float:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def add_recording_arguments(parser: argparse.ArgumentParser, count: str = "+") -> None:
-    """Declare the recordings and the options to read them; ``count`` is the ``nargs`` of argparse."""
-    parser.add_argument("recordings", nargs=count, metavar="RECORDING", help="CSV file, scan or bag")
+def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the recordings and the options to read them."""
+    parser.add_argument("recordings", nargs="+", metavar="RECORDING", help="CSV file, scan or bag")
     parser.add_argument(
         "--odometry",
         choices=(SIMULATED, EXACT),

@@ -10,13 +10,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import (
-    require_picture,
-    require_report,
-    require_writable,
-    write_picture,
-    write_report,
-)
+from tactile_localizer.cli.outputs import STANDARD_OUTPUT, require_results, write_picture, write_report
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
@@ -42,8 +36,6 @@ from tactile_localizer.offline.replay_document import learned_values, replay_doc
 from tactile_localizer.offline.verdict import judge
 from tactile_localizer.scene import Scene
 
-_STANDARD_OUTPUT = Path("-")
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
@@ -64,17 +56,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Replay and print errors, convergence and the verdict; 0 if it is a success, else 1."""
     output = sys.stdout
-    with redirect_stdout(sys.stderr if args.json == _STANDARD_OUTPUT else output):
+    with redirect_stdout(sys.stderr if args.json == STANDARD_OUTPUT else output):
         return _replay(args, output)
 
 
 def _replay(args: argparse.Namespace, output: TextIO) -> int:
-    if args.json not in (None, _STANDARD_OUTPUT):
-        require_writable(args.json, args)
-    if args.plot is not None:
-        require_picture(args.plot, args)
-    if args.report is not None:
-        require_report(args.report, args)
+    require_results(args)
     scan, scene = scan_from_arguments(args)
     configuration = load_configuration(args.config, model=args.model, filter=args.filter)
     recording, odometry = odometry_from_arguments(args, scene, args.recordings)
@@ -88,7 +75,7 @@ def _replay(args: argparse.Namespace, output: TextIO) -> int:
     document = replay_document(
         scene, configuration, recording, sweeps, learned, verdict, odometry=odometry, seed=args.seed
     )
-    if args.json == _STANDARD_OUTPUT:
+    if args.json == STANDARD_OUTPUT:
         output.write(json_text(document))
     elif args.json is not None:
         write_json(args.json, document)

@@ -8,13 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import (
-    require_picture,
-    require_report,
-    require_writable,
-    write_picture,
-    write_report,
-)
+from tactile_localizer.cli.outputs import require_picture, require_results, write_picture, write_report
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.scan.scan import Scan
@@ -54,10 +48,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _info(args: argparse.Namespace) -> int:
-    if args.report is not None:
-        require_report(args.report, args)
-    if args.json is not None:
-        require_writable(args.json, args)
+    require_results(args)
     folder = ScanFolder(args.scan)
     scene, recording = folder.scene, folder.recording()
     sweeps = recording.sweeps

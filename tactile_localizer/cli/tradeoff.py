@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -71,10 +70,9 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"--target-mm: expected a positive number, got {args.target_mm:g}")
     names = ("tradeoff.png", "tradeoff.json", "configuration.yaml")
     picture, numbers, chosen = (args.output / name for name in names)
+    libraries = ["joblib"] * (args.jobs != 1) + ["joblib", "distributed"] * (args.cluster is not None)
     for path in (picture, numbers, *[chosen] * (args.target_mm is not None)):
-        require_writable(path, args)
-    for name in ["joblib"] * (args.jobs != 1) + ["joblib", "distributed"] * (args.cluster is not None):
-        importlib.import_module(name)  # refused before the work
+        require_writable(path, args, *libraries)
     scan, scene = scan_from_arguments(args)
     recording, _ = odometry_from_arguments(args, scene, args.recordings)
     named = [Candidate(Path(name).stem, named_configuration(name)) for name in args.configurations or ()]
