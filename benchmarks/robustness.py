@@ -4,7 +4,8 @@
 
 Files are truncated, bits and bytes of them change, columns and lines are dropped or repeated, texts change
 their encoding, and numbers become huge, empty or NaN. What raises an exception, prints more than a line of
-error, or takes over ten seconds of processor time is a fault: it is printed, and its file kept.
+error, takes over five seconds of processor time or over 1 GB of memory is a fault: it is printed, and its
+file kept.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import argparse
 import contextlib
 import io
 import re
+import resource
 import shutil
 import signal
 import sys
@@ -32,8 +34,8 @@ from tactile_localizer.io.scans import learned
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
 
-_MOST_S = 10.0
-"""Longest processor time of a command, s; a busy machine takes longer."""
+_MOST_S, _MOST_BYTES = 5.0, 2**30
+"""Longest processor time of a command, s (a busy machine takes longer), and the memory it may take."""
 _NUMBERS = ("nan", "inf", "1e308", "-1e308", "1e-320", "9" * 400, "", "0x1F", "1,5", "true", "-0", "é")
 _SCENE = """\
 name: line
@@ -225,11 +227,20 @@ def _alarm(*_: object) -> None:
     raise _TooLongError
 
 
+def _limit() -> None:
+    """Raise an exception in a command that takes too long or too much memory."""
+    for number in (signal.SIGALRM, signal.SIGPROF):
+        signal.signal(number, _alarm)
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    limit = pages * resource.getpagesize() + _MOST_BYTES
+    resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
 def outcome(arguments: list[str]) -> str:
     """What a command did: its status, or what is wrong with it."""
     printed, refused = io.StringIO(), io.StringIO()
     signal.setitimer(signal.ITIMER_PROF, _MOST_S)
-    signal.alarm(int(20 * _MOST_S))  # one that waits for something
+    signal.alarm(int(40 * _MOST_S))  # one that waits for something
     try:
         with (
             contextlib.redirect_stdout(printed),
@@ -239,7 +250,7 @@ def outcome(arguments: list[str]) -> str:
             warnings.simplefilter("error", RuntimeWarning)
             status = main(arguments)
     except _TooLongError:
-        return "FAULT: over 10 s\n" + traceback.format_exc()
+        return f"FAULT: over {_MOST_S:g} s\n" + traceback.format_exc()
     except SystemExit as end:
         return f"FAULT: exit {end.code}: {refused.getvalue()}"
     except Exception:
@@ -260,8 +271,7 @@ def run(files: int, limit_s: float, out: Path, seed: int) -> int:
     folder = ScanFolder(originals / "scan")
     known = learned_calibration(folder.path, folder.load(), folder.scene)
     learned.learn = lambda *_: known  # which takes a second, and reads no file
-    for number in (signal.SIGALRM, signal.SIGPROF):
-        signal.signal(number, _alarm)
+    _limit()
     rng, begun_s = np.random.default_rng(seed), time.monotonic()
     counts, faults = Counter[str](), Counter[str]()
     tried, slowest = 0, (0.0, "")
