@@ -127,8 +127,6 @@ def read_messages(
 def _stored(path: Path, wanted: Mapping[str, Wanted]) -> Contents:
     """The undecoded messages of a bag; errors as :func:`read_messages`."""
     try:
-        if not (path.is_dir() or path.is_file()):
-            raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a folder of them), found none")
         return read_storage(path, lambda name: absolute(name) in wanted)
     except ScanError:
         raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -39,21 +40,6 @@ from tactile_localizer.streams.transforms import combined
 
 _MOST_DELAY_NS = NANOSECONDS // 10
 """Largest difference between the delays of strain and poses, ns (judgement): 5 mm at 50 mm/s."""
-
-
-class _Poses(NamedTuple):
-    """Palm poses in the order of receipt.
-
-    Parameters
-    ----------
-    stamp_ns : (m,) stamps, ns
-    position : (m, d) palm positions, m (yaw: rad), finite
-    strain_before : (m,) number of strain vectors received before each
-    """
-
-    stamp_ns: np.ndarray
-    position: np.ndarray
-    strain_before: np.ndarray
 
 
 class _Arrived(NamedTuple):
@@ -138,18 +124,15 @@ def read_bag(
     topic = names.get("pose", TF)
     if palm_frame:
         found["pose"] = _from_tf(found, frame.reference_frame, palm_frame.lstrip("/"))
-    poses = _positions(found["pose"], frame, topic, notes)
-    implausible = [*pose_notes(topic, scene.axes, stamp_ns, *poses[:2], max_gap_s)]
+    pose_ns, poses, before = _positions(found["pose"], frame, topic, notes)
+    implausible = [*pose_notes(topic, scene.axes, stamp_ns, pose_ns, poses, max_gap_s)]
     notes += implausible or _delay_notes(found["strain"], found["pose"], topic)
-
-    def paired(poses: _Poses) -> tuple[np.ndarray, np.ndarray]:
-        pose_ns, positions, before = poses
-        return pair_recorded(scene.axes, stamp_ns, pose_ns, positions, max_gap_s, before)[:2]
-
-    position, has_position = paired(poses)
+    pair = partial(pair_recorded, scene.axes, stamp_ns)
+    position, has_position, _ = pair(pose_ns, poses, max_gap_s, before)
     truth = None
     if found["truth"]:
-        truth, _ = paired(_positions(found["truth"], frame, names["truth"], notes))
+        pose_ns, poses, before = _positions(found["truth"], frame, names["truth"], notes)
+        truth, *_ = pair(pose_ns, poses, max_gap_s, before)
     samples = RecordedSweep(0, stamp_ns, position, strain, status, truth)
     number = np.ones(len(run), dtype=np.intp)
     for each in range(0 if detector else run.max() + 1):
@@ -234,8 +217,10 @@ def _from_tf(found: Mapping[str, list[_Arrived]], target: str, source: str) -> l
     ]
 
 
-def _positions(poses: Sequence[_Arrived], frame: PalmFrame, topic: str, notes: list[str]) -> _Poses:
-    """Poses in a known frame."""
+def _positions(
+    poses: Sequence[_Arrived], frame: PalmFrame, topic: str, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Poses in a known frame: stamps (m,), ns; finite positions (m, d); strain vectors before each (m,)."""
     names, stamp_ns, numbers = map(np.array, zip(*(each.value for each in poses), strict=True))
     before = np.array([each.strain_before for each in poses])
     position = np.full((len(names), frame.dimension), np.nan)
@@ -249,6 +234,5 @@ def _positions(poses: Sequence[_Arrived], frame: PalmFrame, topic: str, notes: l
     valid = np.isfinite(position).all(axis=1)
     if not valid.all():
         notes.append(f"skipped {np.sum(~valid)} of {len(valid)} poses of {topic}: {reason}")
-    stamp_ns, position, before = stamp_ns[valid], position[valid], before[valid]
-    notes += late_notes(runs_of(stamp_ns), f"poses of {topic}")
-    return _Poses(stamp_ns, position, before)
+    notes += late_notes(runs_of(stamp_ns[valid]), f"poses of {topic}")
+    return stamp_ns[valid], position[valid], before[valid]

@@ -22,9 +22,9 @@ from mcap.reader import NonSeekingReader, make_reader
 
 from tactile_localizer.errors import ScanError, listed
 from tactile_localizer.io.recording import BAG_EXTENSIONS
-from tactile_localizer.io.whole_file import open_file
 
 _METADATA = "metadata.yaml"
+_NO_BAG = "expected a bag (*.mcap, *.db3, or a folder of them), found none"
 _PART = re.compile(r"(.*)_(\d+)\.[^_]*")
 """Name of a file of a bag in parts, which rosbag2 numbers."""
 _JUMP_NS = 500_000_000
@@ -96,7 +96,7 @@ def _files(folder: Path) -> tuple[list[Path], dict[str, int], list[str]]:
         notes = [f"{_METADATA} does not name {listed(others)}: left out"] if others else []
         return [folder / name for name in names], promised, notes
     if not there:
-        raise ScanError(f"{folder}: expected a bag (*.mcap, *.db3, or a folder of them), found none")
+        raise ScanError(f"{folder}: {_NO_BAG}")
     parts = filter(None, (_PART.fullmatch(path.name) for path in there))
     notes = [
         f"there is no file between {one[0]} and {other[0]}"
@@ -137,14 +137,14 @@ def _in_order(messages: list[Message]) -> list[Message]:
 
 
 def _read_file(path: Path, is_wanted: IsWanted) -> Contents:
-    with open_file(path) as file:
+    if not (path.is_file() and path.name.endswith(BAG_EXTENSIONS)):
+        raise ScanError(f"{path}: {_NO_BAG}")
+    with path.open("rb") as file:
         if path.suffix == ".zstd":
             with TemporaryDirectory() as folder:
                 return _read_file(_unpacked(file, Path(folder, path.stem)), is_wanted)
         if path.suffix == ".mcap":
             return _read_mcap(file, is_wanted)
-    if path.suffix != ".db3":
-        raise ScanError(f"{path}: expected a bag (*.mcap, *.db3, or a folder of them), found another file")
     with _recovered(path) as (whole, notes):
         return _read_sqlite(whole, is_wanted)._replace(notes=notes)
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rosbags.interfaces import Connection
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from tactile_localizer.io.bags.reader import typestore
@@ -121,17 +123,30 @@ def write_bag(
     storage: str = "mcap",
     compression: str = "none",
     slash: str = "/",
+    *,
+    store: Any = STORE,
+    defined: bool = True,
+    by_receipt: bool = True,
 ) -> Path:
-    """Write a bag directory, in the order of receipt; messages given as bytes are written as they are."""
+    """Write a bag directory; messages given as bytes are written as they are.
+
+    Parameters
+    ----------
+    happened : topic, time of receipt (ms) and message
+    store : knows the types of the messages
+    defined : whether the bag has the definitions of its messages
+    by_receipt : whether the order is that of receipt, or that of ``happened``
+    """
+    definition = {"typestore": store} if defined else {"msgdef": "", "rihs01": "RIHS01_" + 64 * "0"}
     writer = Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()])
     if compression != "none":
         writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
+    topics: dict[str, Connection] = {}
     with writer:
-        connections = {
-            topic: writer.add_connection(slash + topic, TYPES[topic], typestore=STORE)
-            for topic in dict.fromkeys(topic for topic, _, _ in happened)
-        }
-        for topic, received_ms, message in sorted(happened, key=lambda entry: entry[1]):
-            raw = message if isinstance(message, bytes) else STORE.serialize_cdr(message, TYPES[topic])
-            writer.write(connections[topic], START + received_ms * MS, raw)
+        for topic, received_ms, message in sorted(happened, key=itemgetter(1)) if by_receipt else happened:
+            kind = getattr(message, "__msgtype__", None) or TYPES[topic]
+            if topic not in topics:
+                topics[topic] = writer.add_connection(slash + topic, kind, **definition)
+            raw = message if isinstance(message, bytes) else store.serialize_cdr(message, kind)
+            writer.write(topics[topic], START + received_ms * MS, raw)
     return path
