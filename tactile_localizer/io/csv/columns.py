@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
-from tactile_localizer.errors import ParameterError, ScanError, listed
+from tactile_localizer.errors import ScanError, listed
 from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.scene import AXIS_NAMES, MOST_CHANNELS, Scene
 
@@ -189,13 +189,12 @@ def naming_from_dict(content: Any) -> ColumnNaming:
 
     Raises
     ------
+    ParameterError
+        It is not a mapping.
     ScanError
-        It is not a mapping, or an entry is neither a name nor a list of names.
+        An entry is neither a name nor a list of names.
     """
-    try:
-        entries = {str(name): value for name, value in mapping(content, "column naming").items()}
-    except ParameterError as error:
-        raise ScanError(str(error)) from None
+    entries = {str(name): value for name, value in mapping(content, "column naming").items()}
     unit = str(entries.pop("strain_unit", "V"))
     if not unit.isprintable():
         raise ScanError(f"strain_unit: expected printable text, got {unit!r:.80}")

@@ -15,7 +15,6 @@ from tactile_localizer.io.csv.columns import (
     naming_from_pairs,
 )
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.status import MISSING
 from tactile_localizer.scene import Axis, Phalanx, Scene
 from tactile_localizer.streams.synchronization import Pairing, interpolate_poses
 
@@ -86,21 +85,7 @@ def test_an_angle_beyond_a_full_turn_is_within_the_bounds(tmp_path):
     assert read_csv(path, scene).sweeps[0].position[0, 0] == pytest.approx(6.0 - 2 * np.pi)
 
 
-def test_invalid_rows_are_counted(tmp_path):
-    rows = line_rows(12)
-    rows[2][0], rows[3][4], rows[4], rows[5][1] = "late", "high", rows[4][:3], "nan"
-    rows[6][0], rows[7][4], rows[8][0] = rows[1][0], "1_000", "\u0661.5"  # an Arabic digit
-    path = write_csv(tmp_path / "a.csv", HEADER, rows)
-    path.write_text("# recorded by hand\n\n" + path.read_text())
-    recording = read_csv(path, LINE)
-    assert (len(recording), recording.lost) == (5, 7)
-    first = "line 6, column stamp_s: expected a number, found 'late'"
-    assert recording.notes == (
-        f"skipped 6 of 12 rows of {path} (first: {first})",
-        f"skipped 1 of 6 rows of {path} whose stamps do not increase",
-    )
-
-
+@pytest.mark.parametrize("delimiter", [",", ";"])
 @pytest.mark.parametrize(
     ("place", "cell", "problem"),
     [
@@ -110,29 +95,25 @@ def test_invalid_rows_are_counted(tmp_path):
         (1, "inf", "column x: expected a number, found 'inf'"),
         (4, "1,5", "column index_3: expected a number, found '1,5' (a decimal comma?"),
         (1, "NA", "column x: expected a number, found 'NA'"),
+        (4, "1_000", "column index_3: expected a number, found '1_000'"),
+        (0, "\u0661.5", "column stamp_s: expected a number, found '\u0661.5'"),  # an Arabic digit
         (4, "true", "column index_3: expected a number, found 'true'"),
         (4, "\x1b[31m", "column index_3: expected a number, found '\\x1b[31m'"),
         (4, "9" * 100, None),
         (slice(3, None), [], "expected 10 cells, found 3"),
     ],
 )
-def test_what_is_not_read_is_named_by_row_column_and_cell(tmp_path, place, cell, problem):
+def test_what_is_not_read_is_named_by_row_column_and_cell(tmp_path, place, cell, problem, delimiter):
     rows = line_rows(4)
     rows[2][place] = cell
-    path = write_csv(tmp_path / "a.csv", HEADER, rows)
+    path = write_csv(tmp_path / "a.csv", HEADER, [*rows, rows[1]], delimiter=delimiter)
     recording = read_csv(path, LINE)
-    expected = f"skipped 1 of 4 rows of {path} (first: line 4, {problem}" if problem else ""
-    assert "".join(recording.notes).startswith(expected)
-    assert len(recording) == 4 - (problem is not None)
-
-
-def test_nan_marks_only_its_phalanx_missing(tmp_path):
-    names = ["stamp_s", "x", "y", *GAUGES, *(f"middle_{gauge}" for gauge in range(1, 9))]
-    rows = [[1, 0, 0, *range(16)], [1.1, 0, 0, *range(16)]]
-    rows[1][3 + 9], rows[0][3] = "nan", "inf"
-    sweep = read_csv(write_csv(tmp_path / "a.csv", names, rows), SCENE).sweeps[0]
-    np.testing.assert_array_equal(sweep.status, [[MISSING, 0], [0, MISSING]])
-    np.testing.assert_array_equal(np.isnan(sweep.strain).sum(axis=1), [1, 1])
+    expected = f"skipped 1 of 5 rows of {path} (first: line 4, {problem}" if problem else ""
+    *unread, late = recording.notes
+    assert "".join(unread).startswith(expected)
+    valid = 4 - (problem is not None)
+    assert late == f"skipped 1 of {valid + 1} rows of {path} whose stamps do not increase"
+    assert (len(recording), recording.lost) == (valid, 5 - valid)
 
 
 def test_stamps_that_jump_back_begin_another_sweep(tmp_path):
@@ -148,11 +129,6 @@ def test_stamps_that_jump_back_begin_another_sweep(tmp_path):
     path = write_csv(tmp_path / "b.csv", [*HEADER, "sweep"], numbered)
     recording = read_csv(path, LINE)
     assert [(each.number, len(each)) for each in recording.sweeps] == [(0, 75), (1, 46), (7, 54), (8, 60)]
-    touch = write_csv(tmp_path / "c.csv", ["stamp_s", *GAUGES], [[row[0], *row[2:]] for row in rows])
-    poses = write_csv(tmp_path / "d.csv", ["stamp_s", "x"], [row[:2] for row in rows])
-    paired = read_csv(touch, LINE, poses=[poses])
-    assert [len(each) for each in paired.sweeps] == [75, 100, 60]
-    np.testing.assert_allclose(paired.sweeps[1].position[:, 0], 0.0001 * np.arange(100), atol=1e-12)
 
 
 @settings(deadline=None)
