@@ -20,17 +20,10 @@ def test_overrides_precede_the_file(tmp_path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [
-        ("cell: -1", "own.yaml: cell: expected 0.01 to 10, got -1.0"),
-        ("particles: many", "own.yaml: particles: expected int, got 'many'"),
-        ("[1, 2]", "own.yaml: configuration: expected a mapping, got [1, 2]"),
-        ("a: [", "own.yaml: expected YAML, "),
-    ],
+    [("cell: -1", "cell: expected 0.01 to 10"), ("[1, 2]", "configuration: expected a mapping")],
 )
 def test_invalid_configurations_name_the_file(tmp_path, text: str, message: str) -> None:
     path = tmp_path / "own.yaml"
     path.write_text(text)
-    with pytest.raises(ParameterError) as refusal:
+    with pytest.raises(ParameterError, match=f"own.yaml: {message}"):
         load_configuration(path)
-    assert message in str(refusal.value)
-    assert "\n" not in str(refusal.value)

@@ -147,23 +147,9 @@ def test_two_publishers_of_the_palm_pose_are_a_finding(tmp_path):
     assert note.startswith("/palm_pose: the position jumps by 20 mm within 3 ms and back: two sources")
 
 
-def test_positions_that_are_held_are_a_finding(tmp_path):
-    (note,) = notes_of(tmp_path / "bag", poses_of(100, lambda ms: x_at(ms // 100 * 100)))
-    assert "/palm_pose: the position is held for 100 ms" in note
-
-
 @pytest.mark.parametrize("late_ms", [-300, 300])
 def test_stamps_far_from_their_receipt_are_a_finding(tmp_path, late_ms):
     (note,) = notes_of(tmp_path / "bag", poses_of(100, late_ms=late_ms))
     way = "behind" if late_ms > 0 else "ahead of"
     assert note.startswith(f"/palm_pose: stamps are 0.3 s {way} the strain received with them")
     assert notes_of(tmp_path / "slow", poses_of(100, late_ms=50)) == ()
-
-
-def test_slow_poses_and_another_clock_are_named(tmp_path):
-    (note,) = notes_of(tmp_path / "slow", poses_of(5))
-    assert note.startswith("/palm_pose: the poses are 0.2 s apart")
-    assert "--max-gap 0.3" in note
-    poses = [("palm_pose", ms, pose(ms + 3_600_000)) for ms in range(10, 2000, 10)]
-    (note,) = notes_of(tmp_path / "clock", poses)
-    assert "the poses are 3600.005 s ahead of the strain" in note

@@ -95,16 +95,6 @@ def test_start_and_end_must_alternate(store):
         recorder.start(0)
 
 
-def test_a_backward_jump_starts_another_sweep(store):
-    recorder = recorder_of(store)
-    recorder.start(1000 * MS)
-    recorder.take([pair(1001), pair(1002)])
-    recorder.take([pair(1), pair(2)])
-    assert recorder.number == 2
-    recorder.close()
-    assert recorded(store) == {1: [1001, 1002], 2: [1, 2]}
-
-
 def test_a_recorder_continues_the_scan(store):
     recorder = recorder_of(store)
     recorder.start(0)
@@ -114,19 +104,6 @@ def test_a_recorder_continues_the_scan(store):
     recorder = SweepRecorder(store, None, coverage)
     assert (recorder.number, recorder.sweeps, recorder.pairs) == (1, 1, 2)
     assert coverage.fraction > 0.0
-
-
-def test_detection_begins_anew_after_a_backward_jump(store):
-    recorder = SweepRecorder(store, SweepDetector(SCENE.axes), Coverage(SCENE))
-    detector, moving = SweepDetector(SCENE.axes), []
-    for speed in (5e-5, -5e-5):  # m/ms
-        pairs = [pair(ms, 0.05 + speed * min(max(0, ms - 300), 600)) for ms in range(0, 3000, 10)]
-        recorder.take(pairs)
-        detector.reset()
-        moving.append([one.stamp_ns // MS for one in pairs if detector.update(one.stamp_ns, one.position)])
-    recorder.close()
-    assert list(recorded(store).values()) == moving
-    assert min(map(len, moving)) > 50
 
 
 def remove(file):
