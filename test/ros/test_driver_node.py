@@ -165,8 +165,6 @@ def test_a_closed_bus_and_bus_off_are_survived(
     hand.until_counted(controller="error active", frames_error=1)
     drops = [hand.status(name)[2]["drops"] for name in ("index", "middle")]
     assert drops == ["0", "0"], "samples sent while the bus is closed are not counted"
-    # With a given period, a start in the middle of a burst is off for two cycles.
-    assert sum(len(numbers) > 1 for numbers in hand.numbers()) <= 4, hand.numbers()
     assert {n for numbers in hand.numbers() for n in numbers} >= set(sent)
     assert node.running
     assert "Traceback" not in node.output

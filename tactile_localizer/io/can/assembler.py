@@ -132,10 +132,6 @@ class _LoadCell:
     is_common: bool = False
     torn: int = 0
 
-    def is_whole(self, cycle: int) -> bool:
-        """Whether a cycle has a frame of each message."""
-        return all(stream.pace.cycle == cycle for stream in self.streams)
-
     def settle(self) -> bool:
         """Decide that the counters are separate, unless a common one was seen; returns whether they are."""
         self.torn += 1
@@ -180,7 +176,7 @@ class CycleAssembler:
     ----------
     protocol : layout of the frames
     period_s : longest period of load cells that send irregularly, s; 0: estimated, as that of the fastest
-        load cell, and frames before the first cycle whose begin is known are discarded
+        load cell
     """
 
     def __init__(self, protocol: LoadCellProtocol, period_s: float = 0.0) -> None:
@@ -197,11 +193,9 @@ class CycleAssembler:
         self._protocol = protocol
         self._data = bytearray(protocol.size)  # of the frames of the open cycle
         self._cycles: list[Cycle] = []  # closed, not yet returned
-        self._is_open = False
-        self._number = 0  # of the newest cycle
-        self._first_ns = self._last_ns = 0  # stamp of its first frame, and of the newest
-        self._awaited = 0  # frames of the open cycle not yet received
-        self._torn: list[_LoadCell] = []  # load cells whose frames in the open cycle are of different samples
+        self._received: set[_Stream] = set()  # those with a frame in the open cycle; none is open without any
+        self._first_ns = 0  # stamp of its first frame
+        self._torn: list[_LoadCell] = []  # load cells whose frames in it are of different samples
 
     @property
     def period_ns(self) -> int:
@@ -244,10 +238,10 @@ class CycleAssembler:
 
     def remaining_ns(self, now_ns: int) -> int | None:
         """Time from ``now_ns`` until the open cycle is flushed, ns; ``None`` if none is open."""
-        if not self._is_open:
+        if not self._received:
             return None
         silence_ns = FLUSHED * (self.period_ns or LONGEST_PERIOD_NS)
-        remaining_ns = self._last_ns + silence_ns - now_ns
+        remaining_ns = self._cut.last_ns + silence_ns - now_ns
         return remaining_ns if 0 < remaining_ns <= 2 * silence_ns else 0  # else the clock was set back
 
     def _take(self, frame: can.Message) -> FrameKind:
@@ -259,17 +253,17 @@ class CycleAssembler:
             return kind
         stream = self._streams[slot]
         stamp_ns = int(frame.timestamp * 1e9)
-        if abs(stamp_ns - self._last_ns) > PAUSE_NS:
+        if abs(stamp_ns - self._cut.last_ns) > PAUSE_NS:
             self.reset()
         samples, counter = 1, stream.counter
         if counter is not None:
-            has_wrapped = self._number - stream.pace.cycle >= counter.span  # possibly
+            has_wrapped = self._cut.number - stream.pace.cycle >= counter.span  # possibly
             if has_wrapped or not counter.follows(value):
                 samples = self._advance(stream, counter, value, stamp_ns)
                 if samples <= 0:
                     return FrameKind.OUT_OF_ORDER if samples else FrameKind.DUPLICATE
         stream.sequence += samples
-        stream.cell.counts.last_ns = self._last_ns = stamp_ns
+        stream.cell.counts.last_ns = stamp_ns
         self._place(stream, frame, stamp_ns, value, samples)
         return FrameKind.DATA
 
@@ -292,54 +286,49 @@ class CycleAssembler:
 
     def _place(self, stream: _Stream, frame: can.Message, stamp_ns: int, value: int, samples: int) -> None:
         """Use a frame in the open cycle, or in a new one."""
-        pace = stream.pace
-        is_again = self._is_open and pace.cycle == self._number
-        is_torn = is_again and not self._awaited and stream.cell in self._torn
-        if is_torn and not self._cut.cycles_since(pace, stamp_ns):  # the frame before was late
+        is_again, pace = stream in self._received, stream.pace
+        if is_again and stream.cell in self._torn and not self._cut.cycles_since(pace, stamp_ns):
+            is_again = False  # the frame before was late
             self.counts.frames[FrameKind.DATA] -= 1
             self.counts.frames[FrameKind.OUT_OF_ORDER] += 1
             stream.cell.counts.drops += 1
-            self._awaited = 1
-        elif self._cut.begins(pace, stamp_ns, samples, is_again or not self._is_open):
+        if self._cut.take(pace, stamp_ns, samples, is_again or not self._received):
             self._close()
-            self._is_open = True
-            self._number, self._first_ns = self._cut.number, stamp_ns
-            self._awaited = len(self._streams)
-        if self._cut.note(pace, stamp_ns, samples):
-            stream.cell.counts.cycles_per_sample = pace.cycles_per_sample
+            self._first_ns = stamp_ns
         if not self._cut.is_aligned:
             return
         stream.value, stream.samples = value, samples
         self._data[stream.place] = frame.data
-        self._awaited -= 1
-        if not self._awaited:
+        self._received.add(stream)
+        if len(self._received) == len(self._streams):
             self._torn = [cell for cell in self._paired if cell.leads()]
             if not self._torn:  # else the right frames can still come
                 self._close()
 
     def _close(self) -> None:
-        if not self._is_open:
+        if not self._received:
             return
-        self._is_open = False
-        if self._awaited:
-            self._torn = [cell for cell in self._paired if cell.is_whole(self._number) and cell.leads()]
+        received, self._received = self._received, set()
+        if len(received) < len(self._streams):
+            self._torn = [cell for cell in self._paired if received.issuperset(cell.streams) and cell.leads()]
         strain, status = self._protocol.decode(self._data)
+        self.counts.cycles += 1
         for p, cell in enumerate(self._cells):
-            is_whole = not self._awaited or cell.is_whole(self._number)
-            if is_whole and (cell not in self._torn or cell.settle()):
+            cell.counts.cycles_per_sample = cell.streams[-1].pace.cycles_per_sample
+            if received.issuperset(cell.streams) and (cell not in self._torn or cell.settle()):
                 cell.counts.samples += 1
             else:
                 cell.counts.missing += 1
                 strain[self._protocol.channels.slices[p]] = np.nan
                 status[p] = MISSING
+        self._torn = []
         if status.any():
             for p, (cell, bits) in enumerate(zip(self._cells, status, strict=True)):
                 if bits & (SATURATED | FAULT):
                     self.counts.suspects[p] = bytes(self._data)
                 cell.counts.saturated += bool(bits & SATURATED)
                 cell.counts.faults += bool(bits & FAULT)
-        self.counts.cycles += 1
         first = [cell.streams[0] for cell in self._cells]
-        numbers = [stream.sequence if stream.counter else self._number for stream in first]
+        numbers = [stream.sequence if stream.counter else self.counts.cycles for stream in first]
         sequence = np.array(numbers).astype(np.uint32)
         self._cycles.append(Cycle(self._first_ns, strain, status, sequence))

@@ -3,7 +3,10 @@
 Every load cell sends once per cycle, in an order that lasts. So a cycle ends when one of them sends again, at
 any pace, and however late the bus delivers. Time decides only which frame comes first, and of which cycle a
 frame is before which others were lost: the first frame is the one behind the largest gap, which is followed
-as the phases of the load cells drift.
+as the phases of the load cells drift. Frames before the first cycle whose begin is known are in none.
+
+Without counters, a frame behind losses is not distinguishable from one that is late with the whole bus, as
+long as no other message was received twice meanwhile. It is taken as late, so that one cycle can mix samples.
 """
 
 from __future__ import annotations
@@ -31,8 +34,7 @@ _LARGER = 1.5
 """Ratio from which a gap within cycles is larger than that before them."""
 
 _CONFIRMATIONS = 4
-"""Cycles in a row with a larger gap after which they begin behind it; 2 among the first cycles, unless the
-load cells send irregularly: on a busy machine, gaps within their bursts are then soon larger twice."""
+"""Cycles in a row with a larger gap before the same message after which they begin with it."""
 
 
 @dataclass(slots=True, eq=False)
@@ -43,16 +45,14 @@ class Pace:
     ----------
     last_ns : stamp of the newest frame, ns; 0 before the first
     cycle : number of its cycle
-    lag_ns : time from the begin of that cycle, ns
-    received : number of frames on the bus until it
+    lag_ns : time from the begin of that cycle, ns; ``None``: unknown
     period_ns : usual time between two samples, ns; 0: unknown
     cycles_per_sample : 1.0 unless the load cell is slower than the fastest one
     """
 
     last_ns: int = 0
     cycle: int = 0
-    lag_ns: int = 0
-    received: int = 0
+    lag_ns: int | None = None
     period_ns: float = 0.0
     cycles_per_sample: float = 1.0
     _intervals: deque[float] = field(default_factory=lambda: deque(maxlen=_INTERVALS))
@@ -87,13 +87,13 @@ class CycleCut:
     Parameters
     ----------
     messages : number of messages
-    period_ns : longest period of load cells that send irregularly, ns, whose first frame begins a cycle; 0:
-        estimated, and frames before the first cycle whose begin is known are in none
+    period_ns : longest period of load cells that send irregularly, ns; 0: estimated
 
     Attributes
     ----------
     paces : times of each message
     period_ns : given, or that of the fastest message; 0: unknown
+    last_ns : stamp of the newest frame, ns
     number : of the newest cycle
     is_aligned : whether frames are in cycles: the first of one was received since the start, or since the cut
         moved
@@ -102,27 +102,31 @@ class CycleCut:
     def __init__(self, messages: int, period_ns: int) -> None:
         self.paces = [Pace() for _ in range(messages)]
         self.period_ns, self._is_estimated = period_ns, not period_ns
-        self.number = 0
-        self.is_aligned = period_ns > 0
+        self.last_ns = self.number = 0
+        self.is_aligned = False
         self._first: Pace | None = None  # message with which cycles begin; None: unknown
         self._behind: Pace | None = None  # message behind the largest gap
+        self._better: Pace | None = None  # message before which the gap was larger in cycles before
+        self._confirmed = 0  # number of these
+        self._searched: set[Pace] = set()  # messages received since the first one is waited for
         self._begin_ns = 0  # of the newest cycle, also if its first frame was lost
-        self._last_ns = 0  # stamp of the newest frame
-        self._before_ns = 0  # gap before the newest cycle
+        self._repeated_ns = 0  # newest stamp of a frame whose message has sent again in the newest cycle
+        self._late_ns = 0  # time by which it was later in its cycle than usual
+        self._gaps_ns: deque[int] = deque([0], maxlen=_CONFIRMATIONS)  # before the newest cycles
         self._gap_ns = 0  # largest gap since
-        self._received = self._received_before = 0  # number of frames until now, until the newest cycle
-        self._size = 0  # frames of the cycle before
-        self._restarted = 0  # number of frames until the largest gap was searched
-        self._confirmed = 1
 
     def restart(self, first: Pace | None = None) -> None:
         """Wait for the first frame of a cycle: of message ``first``, by default the one until now."""
-        self._first, self._gap_ns, self._confirmed = first or self._first, 0, 0
-        self._restarted = self._received
-        self.is_aligned = self._first is None and not self._is_estimated
+        self.is_aligned = False
+        self._gap_ns = self._confirmed = 0
+        self._searched.clear()
+        if first is not None:
+            self._first = first
+            for pace in self.paces:
+                pace.lag_ns = None
 
-    def begins(self, pace: Pace, stamp_ns: int, samples: int, is_due: bool) -> bool:
-        """Whether a frame begins a cycle.
+    def take(self, pace: Pace, stamp_ns: int, samples: int, is_due: bool) -> bool:
+        """Follow the cycles and periods with a frame; returns whether it begins a cycle.
 
         Parameters
         ----------
@@ -131,62 +135,82 @@ class CycleCut:
         samples : by which its counter is ahead of the frame before
         is_due : whether the newest cycle is closed, or has a frame of its message
         """
-        gap_ns, self._last_ns = stamp_ns - self._last_ns, stamp_ns
+        gap_ns, self.last_ns = stamp_ns - self.last_ns, stamp_ns
         if not 0 <= gap_ns <= PAUSE_NS:  # as at the first frame, or when the clock was set
-            gap_ns = self._before_ns
-        begins = False
-        if self.is_aligned and (is_due or self._is_next(pace, stamp_ns, samples)):
-            self._confirmed = self._confirmed + 1 if self._gap_ns > _LARGER * self._before_ns else 0
-            is_early = self._is_estimated and self.number <= _EACH
-            begins = self._confirmed < (2 if is_early else _CONFIRMATIONS)
-            if not begins:
-                self.restart(self._behind)
-        elif self._gap_ns < gap_ns:
+            gap_ns = self._gaps_ns[-1]
+        begins = self.is_aligned and (is_due or self._is_next(pace, stamp_ns, samples))
+        if begins and self._is_misplaced():
+            self.restart(self._behind)
+        elif not begins and gap_ns > self._gap_ns:
             self._gap_ns, self._behind = gap_ns, pace
         if not self.is_aligned:
-            if pace.received > self._restarted:  # all messages were received since, or are silent
-                self.restart(self._behind)
-            begins, pace.lag_ns = pace is self._first, 0
+            begins = self._is_first(pace)
+        cycles = self.number + begins - pace.cycle
         if begins:
-            self._first, self._begin_ns, self.is_aligned = pace, stamp_ns - pace.lag_ns, True
-            self._before_ns, self._gap_ns = gap_ns, 0
-            self.number += 1
-            self._size, self._received_before = self._received - self._received_before, self._received
-        self._received += 1
-        pace.received, pace.lag_ns = self._received, stamp_ns - self._begin_ns
+            self._first, self.is_aligned, self.number = pace, True, self.number + 1
+            self._begin_ns = stamp_ns - (pace.lag_ns or 0)
+            self._gaps_ns.append(gap_ns)
+            self._gap_ns = self._repeated_ns = 0
+        if self.is_aligned:
+            lag_ns = stamp_ns - self._begin_ns
+            if pace.lag_ns is not None:
+                self._late_ns = lag_ns - pace.lag_ns
+            pace.lag_ns, pace.cycle = lag_ns, self.number
+            self._repeated_ns = max(self._repeated_ns, pace.last_ns)
+        if pace.last_ns and pace.note(stamp_ns - pace.last_ns, cycles, samples):
+            self._estimate(pace, stamp_ns)
+        pace.last_ns = stamp_ns
         return begins
 
     def cycles_since(self, pace: Pace, stamp_ns: int) -> int:
         """Number of cycles from the newest frame of a message to one received at ``stamp_ns``."""
-        is_behind = 2 * (stamp_ns - self._begin_ns - pace.lag_ns) > self._before_ns
-        return self.number - pace.cycle + is_behind
+        return self.number - pace.cycle + self._is_behind(pace, stamp_ns)
+
+    def _is_behind(self, pace: Pace, stamp_ns: int) -> bool:
+        """Whether a frame is later in the newest cycle than usual, and than the one before it."""
+        if pace.lag_ns is None:
+            return False
+        late_ns = stamp_ns - self._begin_ns - pace.lag_ns - self._late_ns
+        return 2 * late_ns > min(max(self._gaps_ns), self.period_ns or LONGEST_PERIOD_NS)
 
     def _is_next(self, pace: Pace, stamp_ns: int, samples: int) -> bool:
-        """Whether a frame is not of the newest cycle, of which the frame of its message was lost."""
-        if self.cycles_since(pace, stamp_ns) == self.number - pace.cycle:
-            return False
-        most = 1.5 * pace.cycles_per_sample * max(1, self._size - 1)  # since its frame before
-        has_missed = pace.measured >= _EACH and self._received - pace.received > most
-        return samples > 1 or has_missed  # else the whole bus is late
+        """Whether a frame is not of the newest cycle, of which the frame of its message was lost.
 
-    def note(self, pace: Pace, stamp_ns: int, samples: int) -> bool:
-        """Follow the periods with a frame; returns whether one was estimated."""
-        is_due = pace.last_ns > 0 and pace.note(stamp_ns - pace.last_ns, self.number - pace.cycle, samples)
-        if is_due:
-            pace.estimate()
-            if pace.measured >= _EACH:
-                sending = [
-                    one.period_ns
-                    for one in self.paces
-                    if one.measured >= _EACH and stamp_ns - one.last_ns < _INTERVALS * one.period_ns
-                ]
-                fastest_ns = round(min(*sending, pace.period_ns, LONGEST_PERIOD_NS))
-                pace.compare(fastest_ns)
-                if self._is_estimated:
-                    self.period_ns = fastest_ns
-        pace.last_ns = stamp_ns
-        pace.cycle = self.number if self.is_aligned else pace.cycle
-        return is_due
+        If none was lost, all are late: then no other message has sent twice since its frame before.
+        """
+        was_lost = samples > 1 or (self._repeated_ns > pace.last_ns and pace.cycles_per_sample == 1.0)
+        return was_lost and self._is_behind(pace, stamp_ns)
+
+    def _is_misplaced(self) -> bool:
+        """Whether cycles should begin elsewhere: the gap before another message has been larger."""
+        if self._gap_ns <= _LARGER * self._gaps_ns[-1]:
+            self._confirmed = 0
+            return False
+        self._confirmed = self._confirmed + 1 if self._behind is self._better else 1
+        self._better = self._behind
+        return self._confirmed >= _CONFIRMATIONS
+
+    def _is_first(self, pace: Pace) -> bool:
+        """Whether a frame is that which is waited for: by default, of the message behind the largest gap."""
+        if pace in self._searched:  # all messages were received since, or are silent
+            self.restart(self._behind)
+        self._searched.add(pace)
+        return pace is self._first
+
+    def _estimate(self, pace: Pace, stamp_ns: int) -> None:
+        """Estimate the period of a message, and of the fastest one."""
+        pace.estimate()
+        if pace.measured < _EACH:
+            return
+        sending = [
+            one.period_ns
+            for one in self.paces
+            if one.measured >= _EACH and stamp_ns - one.last_ns < _INTERVALS * one.period_ns
+        ]
+        fastest_ns = round(min(*sending, pace.period_ns, LONGEST_PERIOD_NS))
+        pace.compare(fastest_ns)
+        if self._is_estimated:
+            self.period_ns = fastest_ns
 
 
 def _usual(intervals: Sequence[float]) -> float:

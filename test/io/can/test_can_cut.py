@@ -20,9 +20,8 @@ def first_frames(cut: CycleCut, frames: Iterable[tuple[int, float]]) -> list[tup
     first = []
     for k, t in frames:
         pace, stamp_ns = cut.paces[k], START_NS + round(t * MS)
-        if cut.begins(pace, stamp_ns, 1, is_due=pace.cycle == cut.number > 0):
+        if cut.take(pace, stamp_ns, 1, is_due=pace.cycle == cut.number > 0):
             first.append((k, t))
-        cut.note(pace, stamp_ns, 1)
     return first
 
 
@@ -54,6 +53,17 @@ def test_a_cycle_whose_first_frame_is_lost_does_not_take_those_of_the_next() -> 
     begins = first_frames(CycleCut(3, 0), bursts(10.0 * np.arange(60), lost))
     late = {20: (1, 201.0), 40: (1, 401.0), 41: (1, 411.0)}
     assert begins == [late.get(n, (0, 10.0 * n)) for n in range(1, 60)]
+
+
+@pytest.mark.parametrize("message", range(3))
+def test_load_cells_that_send_irregularly_keep_their_cycles_if_bursts_are_starved(message: int) -> None:
+    """Reception begins within a burst; the first bursts are interrupted for longer than between them."""
+    begins = 30.0 * np.arange(1, 40) + np.random.default_rng(0).uniform(-1.0, 1.0, 39)
+    times = begins[:, None] + [0.0, 1.0, 2.0]
+    times[3:6, 1:] += 20.0
+    frames = [(k, t) for row in times for k, t in enumerate(row)][message:]
+    cut = CycleCut(3, 1000 * MS)
+    assert first_frames(cut, frames) == [(0, t) for t in begins[1 + (message > 0) :]]
 
 
 def test_the_cut_moves_to_a_larger_gap() -> None:

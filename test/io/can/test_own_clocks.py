@@ -92,6 +92,18 @@ def test_a_frame_lost_from_a_burst_does_not_mix_samples(tmp_path: Path, cell: in
     assert [len(strain) for strain in found] == [4 - ((cell, n) in lost) for n in numbers]
 
 
+@pytest.mark.parametrize("cells", [3, 4, 8])
+@pytest.mark.parametrize("seed", range(4))
+def test_several_losses_in_a_cycle_do_not_mix_samples(tmp_path: Path, cells: int, seed: int) -> None:
+    """Nor in the next ones, which begin again with their first frame."""
+    number = np.arange(300)
+    times_s = [number / RATE_HZ + 3e-4 * k for k in range(cells)]
+    rng = np.random.default_rng(seed)
+    lost = {(k, n) for k in range(cells) for n in range(20, 300) if rng.uniform() < 0.05}
+    cycles = cycles_of(hand(tmp_path, cells), times_s, lost)
+    assert [np.ptp(one.strain[np.isfinite(one.strain)]) for one in cycles] == [0.0] * len(cycles)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_first_cycles_are_whole_although_their_frames_come_in_bursts(tmp_path: Path, seed: int) -> None:
     times_s = clocks(5, seed, 6.0)
