@@ -24,7 +24,7 @@ from tactile_localizer.errors import ScanError, listed
 from tactile_localizer.io.recording import BAG_EXTENSIONS
 
 _METADATA = "metadata.yaml"
-_NO_BAG = "expected a bag (*.mcap, *.db3, or a folder of them), found none"
+_EXPECTED = "expected a bag (*.mcap, *.db3, or a folder of them), found"
 _PART = re.compile(r"(.*)_(\d+)\.[^_]*")
 """Name of a file of a bag in parts, which rosbag2 numbers."""
 _JUMP_NS = 500_000_000
@@ -96,7 +96,7 @@ def _files(folder: Path) -> tuple[list[Path], dict[str, int], list[str]]:
         notes = [f"{_METADATA} does not name {listed(others)}: left out"] if others else []
         return [folder / name for name in names], promised, notes
     if not there:
-        raise ScanError(f"{folder}: {_NO_BAG}")
+        raise ScanError(f"{folder}: {_EXPECTED} none")
     parts = filter(None, (_PART.fullmatch(path.name) for path in there))
     notes = [
         f"there is no file between {one[0]} and {other[0]}"
@@ -138,7 +138,7 @@ def _in_order(messages: list[Message]) -> list[Message]:
 
 def _read_file(path: Path, is_wanted: IsWanted) -> Contents:
     if not (path.is_file() and path.name.endswith(BAG_EXTENSIONS)):
-        raise ScanError(f"{path}: {_NO_BAG}")
+        raise ScanError(f"{path}: {_EXPECTED} {'another file' if path.exists() else 'none'}")
     with path.open("rb") as file:
         if path.suffix == ".zstd":
             with TemporaryDirectory() as folder:

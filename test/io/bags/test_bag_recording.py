@@ -196,6 +196,7 @@ def foreign_database(path):
     ("name", "make"),
     [
         ("none.mcap", lambda path: None),
+        ("ros1.bag", lambda path: path.write_text("#ROSBAG V2.0")),
         ("empty.mcap", Path.touch),
         ("text.mcap", lambda path: path.write_text("not a bag at all" * 100)),
         ("pipe.mcap", os.mkfifo),
