@@ -32,7 +32,7 @@ from tactile_localizer.scene import AXIS_NAMES, Scene
 _MAX_STAMP_NS = 2**62
 """Largest stamp: differences of stamps fit into 64 bits."""
 _DATE = re.compile(
-    r"([0-9-]{10}[T ][0-9]{2}:[0-9]{2}:[0-9]{2})(\.[0-9]+)?\s*(?:Z|UTC|([-+][0-9]{2}):?([0-9]{2})?)?"
+    r"([0-9-]{10}[T ][0-9]{2}:[0-9]{2}:[0-9]{2})([.,][0-9]+)?\s*(?:Z|UTC|([-+][0-9]{2}):?([0-9]{2})?)?"
 )
 """Date and time in ISO 8601, fraction of a second, and hours and minutes of the time zone."""
 _LARGEST = 1e100
@@ -204,7 +204,7 @@ def _plain(quantity: str, cell: str) -> str:
     if quantity in STAMPS and (date := _DATE.fullmatch(cell)):
         with suppress(ValueError):
             second = datetime.fromisoformat(f"{date[1]}{date[3] or '+00'}:{date[4] or '00'}").timestamp()
-            return str(Decimal(second) + Decimal(date[2] or 0))
+            return str(Decimal(second) + Decimal((date[2] or "0").replace(",", ".")))
     if quantity == FELT:
         cell = _FLAGS.get(cell.lower(), cell)
     return "nan" if cell.lower() in _MISSING and quantity not in (SWEEP, *AXIS_NAMES) else cell
