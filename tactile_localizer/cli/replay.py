@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from contextlib import redirect_stdout
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -88,18 +89,8 @@ def _replay(args: argparse.Namespace, output: TextIO) -> int:
     if args.report is not None:
         from tactile_localizer.offline.reports.replay import replay_report
 
-        report = (
-            document,
-            args.scan,
-            scan,
-            scene,
-            localizer,
-            recording,
-            sweeps,
-            notes,
-            calibration.examination,
-        )
-        write_report(args.report, lambda: replay_report(*report))
+        report = partial(replay_report, document, args.scan, scan, scene, localizer, recording, sweeps)
+        write_report(args.report, partial(report, notes, calibration.examination))
     for line in notes:
         print(f"note: {line}")
     _print(document, args.scan)
