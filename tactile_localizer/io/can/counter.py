@@ -90,7 +90,7 @@ class RollingCounter:
                 self._unusual.clear()
             if samples > 1:
                 self._add_unusual(ahead)  # the same loss again and again is the usual advance
-            return samples
+            return samples if self.is_sure else 1
         is_late = self.is_sure and -min(MAX_LATE * step, self.span // 4) <= ahead <= 0
         if not is_late and self._wraps(value, longest):
             return 1

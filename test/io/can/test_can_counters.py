@@ -98,6 +98,19 @@ def test_a_counter_of_any_kind_is_used(tmp_path: Path, kind: str) -> None:
     assert (one.counts.drops, one.counts.jumps, one.counts.counter) == (4, 0, "")
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_nothing_is_lost_while_the_usual_advance_is_learned(tmp_path: Path, kind: str) -> None:
+    """Although the first frames come in lumps, of which the time tells nothing."""
+    bits = 32 if kind == "a time in us" else 16
+    sender = Sender(hand(tmp_path, bits, parts="a"), KINDS[kind], bits)
+    frames = sender.frames(range(100))
+    for n, frame in enumerate(frames[:40]):
+        frame.timestamp = T0_S + PERIOD_S * 5 * (n // 5 + 1) - 1e-4 * (4 - n % 5)
+    assembler = CycleAssembler(sender.hand)
+    assembler.feed(frames)
+    assert assembler.counts.phalanges[0].drops == 0
+
+
 @pytest.mark.parametrize(
     ("value", "problem"),
     [
