@@ -15,7 +15,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import can
@@ -256,12 +256,13 @@ class LoadCellDriver:
         return message
 
     def _update_status(self, messages: list[can.Message]) -> None:
-        for message in messages:
-            if message.is_error_frame:
-                errors, state = read_error_frame(message)
-                self.status.errors.update(errors)
-                self._set_controller(state or self.status.controller)
-                continue
+        """Use the state of the bus that messages show, of which only the first can be an error frame."""
+        if messages and messages[0].is_error_frame:
+            errors, state = read_error_frame(messages[0])
+            self.status.errors.update(errors)
+            self._set_controller(state or self.status.controller)
+            messages = messages[1:]
+        if messages:
             link = self.status.link
             if self.status.controller == BUS_OFF or link is None or not link.controller:
                 self._set_controller(ERROR_ACTIVE)  # the kernel does not know, or not yet
@@ -353,6 +354,7 @@ class LoadCellDriver:
         for cycle in cycles:
             if at_rest is not None:
                 at_rest.append(cycle)
-            self._on_cycle(replace(cycle, strain=cycle.strain - self.offset))
+            strain = cycle.strain - self.offset
+            self._on_cycle(Cycle(cycle.stamp_ns, strain, cycle.status, cycle.sequence))
         remaining_ns = self.assembler.remaining_ns(time.time_ns())
         return LONGEST_WAIT_S if remaining_ns is None else remaining_ns * 1e-9

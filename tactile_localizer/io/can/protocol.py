@@ -75,7 +75,7 @@ class LoadCellProtocol:
         self.phalanges = tuple(phalanges)
         definitions, names = read_messages(path, phalanges, messages or {}), names or SignalNames()
         self.messages, self.channels = compile_layout(self.phalanges, definitions, names)
-        self._status_ok = np.array(names.status_ok)
+        self._status_ok = frozenset(names.status_ok)
         self.is_fd = any(message.length > 8 or message.definition.is_fd for message in self.messages)
         self._slots = {message.key: slot for slot, message in enumerate(self.messages)}
         self._similar = {(key[0], not key[1]): slot for key, slot in self._slots.items()}
@@ -101,19 +101,23 @@ class LoadCellProtocol:
         signals = [gauges[column] for column in range(self.channels.size)] + statuses
         width = next(bits for bits in (8, 16, 32, 64) if bits >= max(one.length for one, _ in signals))
         zero = 8 * self.size
-        self._bits = np.empty((len(signals), width), int)
-        kinds: dict[str, list[int]] = {}
+        bits_of_row, kinds = [], dict[str, list[int]]()
         for row, (signal, slot) in enumerate(signals):
             bits = [8 * self.bytes_of(slot).start + bit for bit in bits_of(signal)]
             above = bits[-1] if signal.is_signed else zero
-            self._bits[row] = bits + [above] * (width - len(bits))
+            bits_of_row.append(bits + [above] * (width - len(bits)))
+            is_unsigned = not signal.is_signed and signal.length == width  # of fewer bits, the highest is 0
+            letter = "f" if signal.is_float else "u" if is_unsigned else "i"
             size = signal.length if signal.is_float else width
-            kind = "f" if signal.is_float else "i" if signal.is_signed else "u"
-            kinds.setdefault(f"<{kind}{size // 8}", []).append(row)
-        self._kinds = [(kind, np.array(rows)) for kind, rows in kinds.items()]
+            kinds.setdefault(f"<{letter}{size // 8}", []).append(row)
+        self._bits = np.array([bits_of_row[row] for rows in kinds.values() for row in rows]).ravel()
+        self._kinds, end = list[tuple[str, slice, int, np.ndarray]](), 0
+        for kind, rows in kinds.items():
+            begin, end = end, end + len(rows) * width // 8
+            self._kinds.append((kind, slice(begin, end), width // 8 // int(kind[2:]), np.array(rows)))
         own = [signal for signal, _ in signals[: self.channels.size]]
-        self._scale, self._offset = np.array([(float(one.scale), float(one.offset)) for one in own]).T
         self._volts = np.array([VOLTS[one.unit] for one in own])
+        self._scale, self._offset = self._volts * np.array([(float(a.scale), float(a.offset)) for a in own]).T
         self._lowest, self._highest = np.array([range_of(one) for one in own]).T
         self._below, self._above = np.array([saturation_of(one) for one in own]).T
         self._statuses = [signal for signal, _ in statuses]
@@ -185,26 +189,25 @@ class LoadCellProtocol:
         """
         strain, statuses = self._values(data)
         status = np.zeros(len(self.phalanges), np.uint8)
-        saturated = (strain <= self._below) | (strain >= self._above)
-        if saturated.any():
-            status[self.channels.phalanx[saturated]] |= SATURATED
-        finite = np.isfinite(strain)
-        if not finite.all():
-            status[self.channels.phalanx[~finite]] |= FAULT
-        faults = (statuses[:, None] != self._status_ok).all(axis=1)
-        if faults.any():
-            status[self._status_phalanx[faults]] |= FAULT
+        is_inside = (self._below < strain) & (strain < self._above)
+        if not is_inside.all():
+            is_finite = np.isfinite(strain)
+            status[self.channels.phalanx[~is_inside & is_finite]] |= SATURATED
+            status[self.channels.phalanx[~is_finite]] |= FAULT
+        if not self._status_ok.issuperset(statuses.tolist()):
+            is_fault = [value not in self._status_ok for value in statuses.tolist()]
+            status[self._status_phalanx[is_fault]] |= FAULT
         return strain, status
 
     def _values(self, data: bytes | bytearray) -> tuple[np.ndarray, np.ndarray]:
         """Strain (C,), V, and the raw statuses in the order of :attr:`messages`."""
         bits = np.unpackbits(np.frombuffer(data + b"\0", np.uint8), bitorder="little")
-        words = np.packbits(bits[self._bits], axis=1, bitorder="little")
-        raw = np.empty(len(words))
+        words = np.packbits(bits.take(self._bits), bitorder="little")
+        raw = np.empty(self.channels.size + len(self._statuses))
         with np.errstate(all="ignore"):  # floats can be anything
-            for kind, rows in self._kinds:
-                raw[rows] = words[rows].view(kind)[:, 0]
-            strain = (raw[: self.channels.size] * self._scale + self._offset) * self._volts
+            for kind, place, step, rows in self._kinds:
+                raw[rows] = words[place].view(kind)[::step]
+            strain = raw[: self.channels.size] * self._scale + self._offset
         return strain, raw[self.channels.size :]
 
     def explain(self, phalanx: int, data: bytes) -> str:
