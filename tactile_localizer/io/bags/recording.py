@@ -230,7 +230,7 @@ def _positions(
         try:
             position[rows] = frame.positions(name, numbers[rows, :3], numbers[rows, 3:])
         except MeasurementError as error:
-            reason = str(error)
+            reason = f"{error}; --material-frame or --reference-frame names another"
     valid = np.isfinite(position).all(axis=1)
     if not valid.all():
         notes.append(f"skipped {np.sum(~valid)} of {len(valid)} poses of {topic}: {reason}")

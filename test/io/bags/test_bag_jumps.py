@@ -92,7 +92,7 @@ def write_tables(folder, happened):
     return folder / "strain.csv", folder / "palm_pose.csv"
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32), st.sampled_from(["one sweep", "both_ways", "one_way"]))
 def test_an_imported_stream_equals_the_recorded_one(seed, sweeps):
     """The same sweeps are cut from the same motion live, in a bag, and in CSV files."""

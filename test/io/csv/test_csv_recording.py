@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.csv_files import GAUGES, HEADER, LINE, line_rows, write_csv
 
@@ -125,7 +125,6 @@ def test_stamps_that_jump_back_begin_another_sweep(tmp_path):
     assert [(each.number, len(each)) for each in recording.sweeps] == [(0, 75), (1, 46), (7, 54), (8, 60)]
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.sampled_from([10, 10, 10, 20, 5000, 0, -30, -400, -700, -60_000]), min_size=1, max_size=60),
     st.booleans(),

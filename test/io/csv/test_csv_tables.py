@@ -125,10 +125,10 @@ def test_what_would_never_end_or_fill_the_memory_is_refused(tmp_path):
         read_csv(tmp_path / "bomb.csv.gz", LINE)
     with gzip.open(tmp_path / "many.csv.gz", "wb", 1) as file:
         file.write(HEAD.encode() + b"0,0,1,1,1,1,1,1,1,1\n" * 4_000_000)
-    begun_s = time.monotonic()
+    begun_s = time.process_time()
     with pytest.raises(ScanError, match=r"expected at most \d+ rows, found \d+; split it by sweeps"):
         read_csv(tmp_path / "many.csv.gz", LINE)
-    assert time.monotonic() - begun_s < 5
+    assert time.process_time() - begun_s < 5
     (tmp_path / "wide.csv").write_text(",".join(f"c{n}c" for n in range(10**5)) + "\n")
     with pytest.raises(ScanError, match="and 99980 more") as refusal:
         read_csv(tmp_path / "wide.csv", LINE)
