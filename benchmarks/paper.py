@@ -297,7 +297,7 @@ def main() -> None:
 
     with np.errstate(invalid="ignore"):
         checked = [finding.row() for finding in findings(values)]
-    print_table(("verdict", "statement", "section", "measured"), checked, text=True)
+    print_table(("verdict", "statement", "section", "measured"), checked)
     print("\nFalse alarms, % of all sweeps")
     alarms = [false_alarms(rows, method) for method in METHODS]
     print_table(("method", "low trace", "high likelihood", "probability"), alarms)

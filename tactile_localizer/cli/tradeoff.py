@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from textwrap import fill
 
 import yaml
 
@@ -34,6 +35,8 @@ from tactile_localizer.offline.tradeoff import (
     trade,
 )
 
+_WIDTH = 80
+"""Length of a note's lines, characters."""
 _NOTE = """\
 Mean error from contact to the feature's end, and its difference to that of {reference} on the same sweeps \
 with the 95 % confidence interval; coverage of the 95 % region there; sweeps right at their end, and ever \
@@ -155,5 +158,6 @@ def _print(trades: Sequence[Trade]) -> None:
             )
         )
     columns = ("", "mm", "difference", "cover", "right", "wrong", "µs", "µs/mm")
+    print_table(columns, rows)
     note = _NOTE.format(reference=reference.candidate.name, sweeps=reference.verdict.expected)
-    print_table(columns, rows, note)
+    print(f"\n{fill(note, _WIDTH)}")
