@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
@@ -202,21 +201,6 @@ def scan_of(recording: Recording, scene: Scene) -> Scan:
         phalanges=scene.phalanx_names,
         channels=scene.layout.counts,
     )
-
-
-def missing_status(strain: np.ndarray, layout: ChannelLayout) -> np.ndarray:
-    """Status bits for strain without recorded status: MISSING for phalanges with values that are not finite.
-
-    Parameters
-    ----------
-    strain : (n, C) strain voltages, V
-    layout : channels by phalanx
-
-    Returns
-    -------
-    (n, F) uint8
-    """
-    return np.where(layout.all(np.isfinite(strain)), OK, MISSING).astype(np.uint8)
 
 
 def late_notes(run: np.ndarray, what: str) -> Iterator[str]:

@@ -28,7 +28,7 @@ import numpy as np
 
 from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
 from tactile_localizer.errors import MeasurementError, ParameterError, did_you_mean
-from tactile_localizer.io.status import MISSING, OK
+from tactile_localizer.io.status import missing_status
 from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.quantity import number, whole_number
 from tactile_localizer.scene import MOST_CHANNELS
@@ -149,8 +149,7 @@ class StrainAdapter:
         for index, (of_ns, values) in self._newest.items():
             if abs(stamp_ns - of_ns) <= self._max_age_ns:
                 strain[self.layout.slices[index]] = values
-        missing = [np.isnan(strain[channels]).any() for channels in self.layout.slices]
-        return StrainVector(stamp_ns, strain, np.where(missing, MISSING, OK).astype(np.uint8))
+        return StrainVector(stamp_ns, strain, missing_status(strain, self.layout))
 
 
 def load_adapter(path: str | Path) -> StrainAdapter:

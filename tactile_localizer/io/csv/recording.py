@@ -25,9 +25,9 @@ from tactile_localizer.io.recording import (
     cut,
     join,
     late_notes,
-    missing_status,
     pose_notes,
 )
+from tactile_localizer.io.status import missing_status
 from tactile_localizer.scene import Scene
 from tactile_localizer.streams.runs import LATE, runs_of
 from tactile_localizer.streams.sweep_detector import SweepDetector
