@@ -54,6 +54,18 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
             terminalreporter.write_line(f"--- {name}\n{content}")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _learned_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Commands learn from each scan once in a run, all workers together; see :mod:`support.learned`."""
+    from support import learned
+
+    own = tmp_path_factory.getbasetemp()
+    learned.keep_in((own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "learned")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tactile_localizer.io.scans.learned.learn", learned.learn_once)
+        yield
+
+
 @pytest.fixture
 def data_dir() -> Path:
     """Directory of recorded data sets, from TACTILE_LOCALIZER_DATA."""

@@ -10,6 +10,7 @@ import can
 import numpy as np
 import pytest
 from support.bags import SCENE, moved, slide, write_bag
+from support.learned import unexamined
 from support.notes import counts
 
 from tactile_localizer.cli import main, progress
@@ -36,6 +37,7 @@ def folder(tmp_path, monkeypatch):
 def run(folder, capsys, monkeypatch):
     """Function that runs an import; returns its status and what it printed, without progress."""
     monkeypatch.setattr(progress, "LINE_EVERY_S", math.inf)  # on a busy machine there would be lines of it
+    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn", unexamined)
 
     def call(arguments, *more):
         status = main(["import", *arguments.split(), *more])

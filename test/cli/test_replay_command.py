@@ -22,11 +22,16 @@ COMMAND = "replay test.csv --scan bump_scan --scene scene.yaml --filter grid --s
 
 @pytest.fixture(scope="module")
 def bump_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with ``scene.yaml``, ``train.csv``, ``test.csv`` (two sweeps) and ``bump_scan``."""
+    """Folder with ``scene.yaml``, ``train.csv``, ``test.csv`` (two sweeps) and ``bump_scan``.
+
+    ``line_scan`` has one sweep, from which there is little to learn.
+    """
     folder = tmp_path_factory.mktemp("bump")
     save_scene(shipped_scene("bump"), folder / "scene.yaml")
     assert run(f"simulate bump -o {folder} --test 2") == 0
     assert run(f"import csv {folder}/train.csv --scene {folder}/scene.yaml -o {folder}/bump_scan") == 0
+    assert run(f"simulate bump -o {folder}/line --train 1 --test 1") == 0
+    assert run(f"import csv {folder}/line/train.csv --scene {folder}/scene.yaml -o {folder}/line_scan") == 0
     return folder
 
 
@@ -152,7 +157,8 @@ def test_strain_in_another_unit_and_the_reason_are_printed(bump_folder: Path, ca
 
 def test_a_replay_reads_the_columns_of_the_import(bump_folder: Path, tmp_path: Path) -> None:
     for name in ("train", "test"):
-        text = (bump_folder / f"{name}.csv").read_text().replace("stamp_s", "time").replace("index_", "g")
+        text = (bump_folder / f"line/{name}.csv").read_text()
+        text = text.replace("stamp_s", "time").replace("index_", "g")
         (tmp_path / f"{name}.csv").write_text(text)
     naming = "--column stamp_s=time --column index=g1..8"
     assert run(f"import csv {tmp_path}/train.csv {naming} --scene scene.yaml -o {tmp_path}/scan") == 0
@@ -210,8 +216,8 @@ def test_unusable_input_is_refused_in_one_line(
 def test_a_scan_of_another_scene_is_noted(bump_folder: Path, capsys) -> None:
     save_scene(replace(load_scene("scene.yaml"), name="other"), "other.yaml")
     write_short(120)
-    assert run("replay short.csv --scan bump_scan --scene other.yaml --config fast") < 2
-    assert "note: bump_scan was scanned with scene bump" in capsys.readouterr().err
+    assert run("replay short.csv --scan line_scan --scene other.yaml --config fast") < 2
+    assert "note: line_scan was scanned with scene bump" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("material", ["Linen", "Canvas"])
@@ -239,7 +245,7 @@ def test_fabric_is_localized_globally(
 def test_a_scan_may_have_more_phalanges_than_the_scene(bump_folder: Path) -> None:
     scene = load_scene("scene.yaml")
     save_scene(replace(scene, phalanges=scene.phalanges[1:]), "middle.yaml")
-    arguments = "replay bump_scan --scan bump_scan --scene middle.yaml --config fast"
+    arguments = "replay line_scan --scan line_scan --scene middle.yaml --config fast"
     assert main(arguments.split()) < 2
-    store = ScanFolder("bump_scan")
+    store = ScanFolder("line_scan")
     assert store.scene.phalanx_names == ("index", "middle")

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.learned import learn_once
 from support.scans import slides
 
+from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
@@ -34,9 +36,11 @@ def cloth_scan(sweeps: int = 3, noise: float = 0.0) -> Scan:
     return slides(SCENE, X, felt)
 
 
-def build(scan: Scan, kind: str = "grid", scene: Scene = SCENE) -> Localizer:
+def build(
+    scan: Scan, kind: str = "grid", scene: Scene = SCENE, known: Calibration | None = None
+) -> Localizer:
     configuration, rng = Configuration(filter=kind), np.random.default_rng(0)
-    return build_localizer(scan, scene, configuration, rng)
+    return build_localizer(scan, scene, configuration, rng, calibration=known or learn_once(scan, scene))
 
 
 @pytest.fixture(scope="module", params=["grid", "particle"])
@@ -154,15 +158,16 @@ def test_yaw_wraps_around() -> None:
     assert (float(estimate.mean[0]) - way[-1] + np.pi) % (2.0 * np.pi) - np.pi == pytest.approx(0.0, abs=0.05)
 
 
-def common_noise() -> Scan:
-    """A scan in which most of the noise is common to both phalanges."""
+def with_common_noise(scene: Scene = SCENE) -> Localizer:
+    """On a scan in which most of the noise is common to both phalanges, with lengths of the usual one."""
     scan = cloth_scan()
     common = 0.1 * np.random.default_rng(3).standard_normal((len(scan.strain), 8))
-    return replace(scan, strain=scan.strain + np.tile(common, 2))
+    noisy = replace(scan, strain=scan.strain + np.tile(common, 2))
+    return build(noisy, scene=scene, known=learn_once(scan, SCENE)._replace(variance=None))
 
 
 def test_of_an_absent_phalanx_nothing_counts() -> None:
-    felt, localizer, ends = strain(way(0.1), 1, 5), build(common_noise()), []
+    felt, localizer, ends = strain(way(0.1), 1, 5), with_common_noise(), []
     for volts in (0.0, 1e6):
         localizer.reset()
         felt[:, 8:] = volts
@@ -174,11 +179,11 @@ def test_of_an_absent_phalanx_nothing_counts() -> None:
 
 def test_with_an_absent_phalanx_the_noise_is_that_of_the_other_one_alone() -> None:
     """It is whitened given the first, without which there is more of it."""
-    scan, felt = common_noise(), strain(way(0.1), 1, 5)
+    felt = strain(way(0.1), 1, 5)
     felt += 0.1 * np.tile(np.random.default_rng(4).standard_normal((len(felt), 8)), 2)
     of_one = Scene("one", SCENE.axes, SCENE.phalanges[1:])
-    alone = fed(build(scan, scene=of_one), felt[:, 8:])
-    beside = fed(build(scan), felt, present=np.array([False, True]))
+    alone = fed(with_common_noise(of_one), felt[:, 8:])
+    beside = fed(with_common_noise(), felt, present=np.array([False, True]))
     one, other = (np.mean([each.log_marginal for each in ends[100:]]) for ends in (alone, beside))
     assert other == pytest.approx(one, abs=0.5)
 

@@ -4,13 +4,17 @@ import numpy as np
 import pytest
 from support.scans import raster
 
+from tactile_localizer.core.calibration.calibration import Calibration
+from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
+KNOWN = Calibration(np.full(2, 5e-4), examination=Examination(0.0017))
 
-@pytest.mark.parametrize(("length", "bound"), [(1.0, 1.1), (0.06, 30.0)])
-def test_a_large_sheet_has_cells_only_where_it_was_scanned(length, bound):
+
+@pytest.mark.parametrize(("length", "bound", "known"), [(1.0, 1.1, KNOWN), (0.06, 30.0, None)])
+def test_a_large_sheet_has_cells_only_where_it_was_scanned(length, bound, known):
     """Of three lines on material that is felt everywhere."""
     rng = np.random.default_rng(0)
     waves, phases = rng.normal(0.0, 300.0, (2, 8, 6)), rng.uniform(0.0, 6.0, (8, 6))
@@ -24,7 +28,7 @@ def test_a_large_sheet_has_cells_only_where_it_was_scanned(length, bound):
         return Scene("sheet", axes, (Phalanx("index", (0.0, 0.0)),))
 
     made = raster(sheet(0.0, length, 0.006), strain, first=0.0)
-    localizer = build_localizer(made, sheet(-bound, bound, bound), Configuration(), rng)
+    localizer = build_localizer(made, sheet(-bound, bound, bound), Configuration(), rng, calibration=known)
     assert len(localizer.hypotheses()[0]) < 1e6 * (length + 0.1) * (0.005 + 0.1)
     start = np.array([0.2 * length, 0.0038])
     for index in range(min(100, round(700 * length))):

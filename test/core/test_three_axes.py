@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tactile_localizer.core.calibration.calibration import Calibration
+from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
@@ -32,7 +34,8 @@ def localizer() -> Localizer:
         turned = [replace(each, position=np.insert(each.truth, 2, yaw, axis=1)) for each in session.sweeps]
         sessions.append(replace(session, sweeps=turned))
     scan = scan_of(join(sessions), SCENE)
-    return build_localizer(scan, SCENE, Configuration(), np.random.default_rng(0))
+    rng, known = np.random.default_rng(0), Calibration(np.array([1e-3, 1e-3, 0.01]), None, Examination(0.003))
+    return build_localizer(scan, SCENE, Configuration(), rng, calibration=known)
 
 
 @pytest.mark.parametrize("yaw", [-0.12, 0.05])

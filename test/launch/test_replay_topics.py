@@ -25,7 +25,16 @@ int main(int, char ** argv) {
 """
 """Matches as rosbag2 does: its plugin for sqlite3 in POSIX extended, that for MCAP in ECMAScript."""
 
-COMPILER = shutil.which("c++")
+
+@pytest.fixture(scope="module")
+def matcher(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The compiled program."""
+    compiler, folder = shutil.which("c++"), tmp_path_factory.mktemp("matcher")
+    if compiler is None:
+        pytest.skip("a C++ compiler is not installed")
+    (folder / "matcher.cpp").write_text(MATCHER)
+    subprocess.run([compiler, folder / "matcher.cpp", "-o", folder / "matcher"], check=True, timeout=120)
+    return folder / "matcher"
 
 
 def excluded_topics() -> str:
@@ -48,15 +57,11 @@ def topics_of_the_filter(way: str) -> set[str]:
     return {f"{namespace}/{name}" for namespace in ("", "/left") for name in own}
 
 
-@pytest.mark.skipif(COMPILER is None, reason="a C++ compiler is not installed")
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
-def test_a_replay_leaves_out_what_the_filter_publishes(tmp_path: Path, storage: str) -> None:
-    assert COMPILER is not None
-    (tmp_path / "matcher.cpp").write_text(MATCHER)
-    subprocess.run([COMPILER, tmp_path / "matcher.cpp", "-o", tmp_path / "matcher"], check=True, timeout=120)
+def test_a_replay_leaves_out_what_the_filter_publishes(matcher: Path, storage: str) -> None:
     published = topics_of_the_filter("publish") | {"/diagnostics", "/clock"}
     others = {"/tf", "/tf_static", "/arm/palm_pose", "/tactile_mapping/map", "/clock2", "/posterior"}
-    command = [tmp_path / "matcher", storage, excluded_topics()]
+    command = [matcher, storage, excluded_topics()]
     lines = "\n".join(published | topics_of_the_filter("subscribe") | others)
     found = subprocess.run(command, input=lines, capture_output=True, text=True, check=True, timeout=30)
     assert set(found.stdout.split()) == published

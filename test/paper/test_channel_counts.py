@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.learned import learn_once
 from support.scans import axes, bump_scan, scan, strain_at
 
 from tactile_localizer.core.calibration.calibration import Calibration
@@ -24,7 +25,8 @@ def scene(counts=COUNTS, feature=None):
 def test_every_model_localizes_with_any_channels(counts, model):
     of = scene(counts, Region((0.01, -np.inf), (0.04, np.inf)) if model == "Featureless" else None)
     configuration, rng = Configuration(model=f"tactile_localizer.paper:{model}"), np.random.default_rng(1)
-    localizer = build_localizer(scan(np.random.default_rng(0), of, 800), of, configuration, rng)
+    scanned = scan(np.random.default_rng(0), of, 800)
+    localizer = build_localizer(scanned, of, configuration, rng, calibration=learn_once(scanned, of))
     present = np.ones(len(counts), bool)
     for n in range(40):
         truth = np.array([0.01, 0.02]) + n * np.array([0.0006, 0.0002])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from support.bags import SCENE, write_bag
 from support.hand import DEEP_QUEUE, Hand
+from support.learned import unexamined
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.scans.folder import ScanFolder
@@ -39,7 +40,8 @@ def assert_same_scan(live, imported):
 
 
 @pytest.fixture
-def files(tmp_path):
+def files(tmp_path, monkeypatch):
+    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn", unexamined)
     save_scene(SCENE, tmp_path / "scene.yaml")
     return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "live_scan"}
 
