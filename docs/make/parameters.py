@@ -18,16 +18,14 @@ HEAD = """\
 Every parameter of the nodes, with default, range and unit, as `ros2 param describe NODE NAME`
 prints it for a running node.
 
-Parameters marked *live* can be changed at any time. The others are read when the node is
-configured, and rejected while it is configured. Those marked *at the start* name files, devices or
-code, or are sent to hardware: they cannot be set in a running node unless
-`allow_remote_configuration` was given at its start. A value of the wrong type or out of range is
-rejected with the reason; an unknown name is ignored with a warning. On the command line an empty
-list of strings is `"['']"`, because `[]` has no type.
+Parameters marked *live* can be changed at any time, the others only while the node is not
+configured. Those marked *at the start* name files, devices or code, or are sent to hardware: they
+cannot be set in a running node unless `allow_remote_configuration` was given at its start. Invalid
+values are rejected with the reason, unknown names ignored with a warning. On the command line an
+empty list of strings is `"['']"`, because `[]` has no type.
 
-Those marked **essential** must match the robot; the defaults of the others usually suffice. The
-bounds of the material and its motion noise are part of the [scene](concepts.md#scene), not
-parameters of a node. `make docs` writes this page."""
+Those marked **essential** must match the robot; the defaults of the others usually suffice. What
+concerns the material is in the [scene](concepts.md#scene). `make docs` writes this page."""
 
 ESSENTIAL = {
     "phalanges", "dbc", "channel", "scan_file", "scene_file", "adapter_file",

@@ -10,22 +10,19 @@ _DEFAULTS = Configuration()
 
 
 _DESCRIPTIONS = {
-    "model": f"Measurement model: {SWEEP_MIXTURE}, which is learned from the scan, or another one for the "
-    "position as module:Class",
-    "filter": "Bayes filter: particle filter, or exact recursion on a grid",
+    "model": f"Measurement model: {SWEEP_MIXTURE}, or another one for the position as module:Class",
+    "filter": "Particle filter, or exact recursion on a grid",
     "particles": "Number of particles, 75 in the paper; for filter particle",
-    "cell": "Resolution of map and grid, in multiples of the distance between sweeps; scenes with one axis "
-    "use 0.5 mm instead, with three at most 25,000 cells",
-    "resample_below": "Resample when the effective sample size falls below this fraction of the number of "
-    "particles, for filter particle",
+    "cell": "Resolution of map and grid, in multiples of the distance between sweeps; with one axis it is "
+    "0.5 mm, with three there are at most 25,000 cells",
+    "resample_below": "Effective sample size, as a fraction of the particles, below which they are resampled",
     "random_particles": "Number of particles replaced by uniformly drawn ones at each update, 10 in the "
     "paper; requires filter particle",
     "update_distance": "Travel between measurement updates",
     "convergence_radius": "Radius about the estimate that convergence refers to",
-    "convergence_yaw_radius": "Yaw interval about the estimate that convergence refers to, if the scene has "
-    "yaw",
-    "convergence_probability": "Posterior probability that the palm is on the map and within the radius of "
-    "the estimate, above which the estimate has converged",
+    "convergence_yaw_radius": "The same in yaw, if the scene has it",
+    "convergence_probability": "Probability of being on the map and within the radius, above which the "
+    "estimate has converged",
     "convergence_travel": "Travel over which that probability must be exceeded",
 }
 _UNITS = dict.fromkeys(("update_distance", "convergence_radius", "convergence_travel"), "m")
