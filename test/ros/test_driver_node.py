@@ -5,15 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import can
 import numpy as np
 import pytest
 from support.diagnostics import status_of
-from support.load_cells import cycle, number_of, protocol
+from support.load_cells import cycle, number_of, protocol, sample
 from support.processes import node_command
 from support.sweeps import stamp_of
+
+from tactile_localizer.io.can.bus import BusSettings
+from tactile_localizer.io.can.driver import OPEN, LoadCellDriver
 
 pytestmark = pytest.mark.ros
 
@@ -263,6 +267,23 @@ def test_frames_that_are_not_those_of_the_dbc_are_named(
         return "0x103 index_b not received" in hand.status("index")[1]
 
     probe.until(sent_in_part, "a message that does not come")
+
+
+def test_a_slow_load_cell_is_not_missing_before_its_rate_is_known() -> None:
+    from tactile_localizer.ros.diagnostics.driver import DriverDiagnostics
+
+    driver = LoadCellDriver(HAND, BusSettings("virtual", "slow"), print, print, print)
+    driver.status.state = OPEN
+    publisher: Any = SimpleNamespace(status=lambda name, level, message, values: (name, message))
+    diagnostics = DriverDiagnostics(driver, publisher, stale_timeout_s=60.0)
+    messages = []
+    for n in range(300):
+        stamp_ns = driver.read_ns + n * 10_000_000
+        slow = [] if n % 5 else sample(HAND, 1, n // 5, stamp_ns)
+        driver.assembler.feed(sample(HAND, 0, n, stamp_ns) + slow)
+        if n in (30, 60, 299):
+            messages.append(dict(diagnostics.statuses())["middle"])  # type: ignore[call-overload]
+    assert messages == ["OK", "OK", "OK, in one of 5 cycles"]
 
 
 def test_two_senders_and_two_drivers_are_reported(

@@ -58,7 +58,8 @@ class PhalanxCounts:
         identifiers
     saturated, faults : samples with that status
     last_ns : receive time of the last frame used, ns; 0 before the first
-    cycles_per_sample : usual number of cycles, which are as fast as the fastest load cell; 1.0 unless slower
+    cycles_per_sample : usual number of cycles, which are as fast as the fastest load cell; 1.0 unless slower,
+        0.0: not known yet
     counter : reason why its counter is not used, continuing "the counter"; else empty
     """
 
@@ -69,7 +70,7 @@ class PhalanxCounts:
     saturated: int = 0
     faults: int = 0
     last_ns: int = 0
-    cycles_per_sample: float = 1.0
+    cycles_per_sample: float = 0.0
     counter: str = ""
 
 
@@ -274,7 +275,7 @@ class CycleAssembler:
             stream.sequence += (value - stream.sequence) % counter.span - 1
             return 1
         counts, jumps, pace = stream.cell.counts, counter.jumps, stream.pace
-        cycles = self._cut.cycles_since(pace, stamp_ns) / pace.cycles_per_sample
+        cycles = self._cut.cycles_since(pace, stamp_ns) / (pace.cycles_per_sample or 1.0)
         elapsed_ns = stamp_ns - pace.last_ns
         periods = elapsed_ns / (pace.period_ns or self.period_ns or elapsed_ns or 1)
         # While the others send, their cycles are more exact than the time.

@@ -47,14 +47,14 @@ class Pace:
     cycle : number of its cycle
     lag_ns : time from the begin of that cycle, ns; ``None``: unknown
     period_ns : usual time between two samples, ns; 0: unknown
-    cycles_per_sample : 1.0 unless the load cell is slower than the fastest one
+    cycles_per_sample : 1.0 unless the load cell is slower than the fastest one; 0.0: unknown
     """
 
     last_ns: int = 0
     cycle: int = 0
     lag_ns: int | None = None
     period_ns: float = 0.0
-    cycles_per_sample: float = 1.0
+    cycles_per_sample: float = 0.0
     _intervals: deque[float] = field(default_factory=lambda: deque(maxlen=_INTERVALS))
     _cycles: deque[float] = field(default_factory=lambda: deque(maxlen=_INTERVALS))
     measured: int = 0
@@ -178,7 +178,7 @@ class CycleCut:
 
         If none was lost, all are late: then no other message has sent twice since its frame before.
         """
-        was_lost = samples > 1 or (self._repeated_ns > pace.last_ns and pace.cycles_per_sample == 1.0)
+        was_lost = samples > 1 or (self._repeated_ns > pace.last_ns and pace.cycles_per_sample <= 1.0)
         return was_lost and self._is_behind(pace, stamp_ns)
 
     def _is_misplaced(self) -> bool:

@@ -184,7 +184,8 @@ class DriverDiagnostics:
         received = new["samples"] + new["missing"]
         counter, cycles_per_sample = counts["counter"], counts["cycles_per_sample"]
         is_slow = cycles_per_sample > 1.0
-        expected = math.floor(received / cycles_per_sample) - is_slow  # samples, if none is missing
+        # Samples, if none is missing; as long as its rate is not known, a load cell may be slow.
+        expected = math.floor(received / (cycles_per_sample or math.inf)) - is_slow
         jumps = new["jumps"]
         warnings = {
             f"saturated: {suspect}": new["saturated"],
