@@ -133,6 +133,11 @@ class _LoadCell:
     is_common: bool = False
     torn: int = 0
 
+    def forget(self) -> None:
+        """Forget how far apart the counters are, unless they were seen to be a common one."""
+        for stream in () if self.is_common else self.streams:
+            stream.lead = None
+
     def settle(self) -> bool:
         """Decide that the counters are separate, unless a common one was seen; returns whether they are."""
         self.torn += 1
@@ -196,6 +201,7 @@ class CycleAssembler:
         self._cycles: list[Cycle] = []  # closed, not yet returned
         self._received: set[_Stream] = set()  # those with a frame in the open cycle; none is open without any
         self._first_ns = 0  # stamp of its first frame
+        self._moves = 0  # of the cut, after which other frames are in one cycle
         self._torn: list[_LoadCell] = []  # load cells whose frames in it are of different samples
 
     @property
@@ -298,6 +304,10 @@ class CycleAssembler:
             self._first_ns = stamp_ns
         if not self._cut.is_aligned:
             return
+        if self._moves < self._cut.moves:
+            self._moves = self._cut.moves
+            for cell in self._paired:
+                cell.forget()
         stream.value, stream.samples = value, samples
         self._data[stream.place] = frame.data
         self._received.add(stream)

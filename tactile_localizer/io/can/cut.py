@@ -34,7 +34,7 @@ _LARGER = 1.5
 """Ratio from which a gap within cycles is larger than that before them."""
 
 _CONFIRMATIONS = 4
-"""Cycles in a row with a larger gap before the same message after which they begin with it."""
+"""Cycles in a row with a larger gap before one message after which they begin with it; at the start all."""
 
 
 @dataclass(slots=True, eq=False)
@@ -46,6 +46,7 @@ class Pace:
     last_ns : stamp of the newest frame, ns; 0 before the first
     cycle : number of its cycle
     lag_ns : time from the begin of that cycle, ns; ``None``: unknown
+    gaps_ns : gaps before its newest frames, ns
     period_ns : usual time between two samples, ns; 0: unknown
     cycles_per_sample : 1.0 unless the load cell is slower than the fastest one; 0.0: unknown
     """
@@ -53,6 +54,7 @@ class Pace:
     last_ns: int = 0
     cycle: int = 0
     lag_ns: int | None = None
+    gaps_ns: deque[int] = field(default_factory=lambda: deque(maxlen=_CONFIRMATIONS))
     period_ns: float = 0.0
     cycles_per_sample: float = 0.0
     _intervals: deque[float] = field(default_factory=lambda: deque(maxlen=_INTERVALS))
@@ -95,6 +97,7 @@ class CycleCut:
     period_ns : given, or that of the fastest message; 0: unknown
     last_ns : stamp of the newest frame, ns
     number : of the newest cycle
+    moves : number of times that another message became the first of the cycles
     is_aligned : whether frames are in cycles: the first of one was received since the start, or since the cut
         moved
     """
@@ -102,26 +105,23 @@ class CycleCut:
     def __init__(self, messages: int, period_ns: int) -> None:
         self.paces = [Pace() for _ in range(messages)]
         self.period_ns, self._is_estimated = period_ns, not period_ns
-        self.last_ns = self.number = 0
+        self.last_ns = self.number = self.moves = 0
         self.is_aligned = False
         self._first: Pace | None = None  # message with which cycles begin; None: unknown
-        self._behind: Pace | None = None  # message behind the largest gap
-        self._better: Pace | None = None  # message before which the gap was larger in cycles before
-        self._confirmed = 0  # number of these
+        self._behind = self.paces[0]  # message behind the largest gap within the newest cycle
         self._searched: set[Pace] = set()  # messages received since the first one is waited for
         self._begin_ns = 0  # of the newest cycle, also if its first frame was lost
         self._repeated_ns = 0  # newest stamp of a frame whose message has sent again in the newest cycle
         self._late_ns = 0  # time by which it was later in its cycle than usual
-        self._gaps_ns: deque[int] = deque([0], maxlen=_CONFIRMATIONS)  # before the newest cycles
-        self._gap_ns = 0  # largest gap since
+        self._gaps_ns: deque[int] = deque(maxlen=_CONFIRMATIONS)  # before the newest cycles
+        self._gap_ns = 0  # largest within the newest one
 
     def restart(self, first: Pace | None = None) -> None:
         """Wait for the first frame of a cycle: of message ``first``, by default the one until now."""
-        self.is_aligned = False
-        self._gap_ns = self._confirmed = 0
+        self.is_aligned, self._gap_ns = False, 0
         self._searched.clear()
         if first is not None:
-            self._first = first
+            self._first, self.moves = first, self.moves + 1
             for pace in self.paces:
                 pace.lag_ns = None
 
@@ -137,7 +137,8 @@ class CycleCut:
         """
         gap_ns, self.last_ns = stamp_ns - self.last_ns, stamp_ns
         if not 0 <= gap_ns <= PAUSE_NS:  # as at the first frame, or when the clock was set
-            gap_ns = self._gaps_ns[-1]
+            gap_ns = PAUSE_NS
+        pace.gaps_ns.append(gap_ns)
         begins = self.is_aligned and (is_due or self._is_next(pace, stamp_ns, samples))
         if begins and self._is_misplaced():
             self.restart(self._behind)
@@ -183,17 +184,13 @@ class CycleCut:
 
     def _is_misplaced(self) -> bool:
         """Whether cycles should begin elsewhere: the gap before another message has been larger."""
-        if self._gap_ns <= _LARGER * self._gaps_ns[-1]:
-            self._confirmed = 0
-            return False
-        self._confirmed = self._confirmed + 1 if self._behind is self._better else 1
-        self._better = self._behind
-        return self._confirmed >= _CONFIRMATIONS
+        is_larger = self._gap_ns > _LARGER * self._gaps_ns[-1]
+        return is_larger and min(self._behind.gaps_ns) > _LARGER * max(self._gaps_ns)
 
     def _is_first(self, pace: Pace) -> bool:
         """Whether a frame is that which is waited for: by default, of the message behind the largest gap."""
-        if pace in self._searched:  # all messages were received since, or are silent
-            self.restart(self._behind)
+        if pace in self._searched:  # all were received since, or are silent
+            self.restart(max(self._searched, key=lambda one: one.gaps_ns[-1]))
         self._searched.add(pace)
         return pace is self._first
 

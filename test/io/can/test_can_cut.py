@@ -66,6 +66,14 @@ def test_load_cells_that_send_irregularly_keep_their_cycles_if_bursts_are_starve
     assert first_frames(cut, frames) == [(0, t) for t in begins[1 + (message > 0) :]]
 
 
+def test_a_pause_within_the_first_burst_spoils_one_cycle() -> None:
+    times = 10.0 * np.arange(20)[:, None] + [0.0, 1.0, 2.0]
+    times[0, 2] += 20.0
+    times[1:] += 25.0
+    begins = first_frames(CycleCut(3, 1000 * MS), [(k, t) for row in times for k, t in enumerate(row)])
+    assert begins == [(2, times[1, 2]), *((0, t) for t in times[3:, 0])]
+
+
 def test_the_cut_moves_to_a_larger_gap() -> None:
     times = 10.0 * np.arange(100)[:, None] + [0, 6]
     times[50:, 1] -= 4
