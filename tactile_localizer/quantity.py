@@ -12,6 +12,9 @@ from typing import Any
 
 from tactile_localizer.errors import ParameterError, TactileLocalizerError
 
+LARGEST_NUMBER = 1e100
+"""Largest number in a recording or a message, of which squares are finite."""
+
 
 def number(
     value: Any,

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.quantity import LARGEST_NUMBER
 from tactile_localizer.scene import Axis
 
 
@@ -61,23 +62,24 @@ class PalmFrame:
         Raises
         ------
         MeasurementError
-            The frame is unknown, or the pose is not finite.
+            The frame is unknown, or the pose is not finite or beyond :data:`~.quantity.LARGEST_NUMBER`.
         """
         position = self._on_axes(frame, *translation, *quaternion)
-        if not all(map(math.isfinite, position)):
+        if not all(abs(each) <= LARGEST_NUMBER for each in position):
             raise MeasurementError(f"palm pose: expected finite {', '.join(self._names)}, got {position}")
         return np.array(position)
 
     def positions(self, frame: str, translations: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
-        """Positions (n, d) of poses (n, 3) and (n, 4), as :meth:`position`; not finite where a pose is not.
+        """Positions (n, d) of poses (n, 3) and (n, 4), as :meth:`position`; NaN where that refuses the pose.
 
         Raises
         ------
         MeasurementError
             The frame is unknown.
         """
-        with np.errstate(over="ignore", invalid="ignore"):  # the caller handles non-finite values
-            return np.stack(self._on_axes(frame, *translations.T, *quaternions.T), axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = np.stack(self._on_axes(frame, *translations.T, *quaternions.T), axis=1)
+        return np.where(np.abs(found) <= LARGEST_NUMBER, found, math.nan)
 
     def _on_axes(self, frame: str, x: Any, y: Any, z: Any, *quaternion: Any) -> list[Any]:
         """Coordinates of a pose, or of an array of poses, one for each axis."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from tactile_localizer.quantity import LARGEST_NUMBER
 from tactile_localizer.streams.runs import NANOSECONDS
 from tactile_localizer.streams.synchronization import brackets
 
@@ -37,7 +38,9 @@ class Transform(NamedTuple):
     def is_valid(self) -> bool:
         """Whether tf2 takes the transform in."""
         pose = np.array(self.pose)
-        return bool(np.isfinite(pose).all() and abs(pose[3:] @ pose[3:] - 1.0) < _UNIT_TOLERANCE)
+        return bool(
+            (np.abs(pose) <= LARGEST_NUMBER).all() and abs(pose[3:] @ pose[3:] - 1.0) < _UNIT_TOLERANCE
+        )
 
 
 def combined(

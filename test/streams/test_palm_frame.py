@@ -46,11 +46,18 @@ def test_an_unknown_frame_is_refused():
 
 @pytest.mark.parametrize(
     ("place", "quaternion"),
-    [((math.nan, 0, 0), LEVEL), ((0, 0, 0), (0, 0, 0, 0)), ((0, 0, 0), (math.nan,) * 4)],
+    [
+        ((math.nan, 0, 0), LEVEL),
+        ((-1e200, 0, 0), LEVEL),
+        ((0, 0, 0), (0, 0, 0, 0)),
+        ((0, 0, 0), (math.nan,) * 4),
+    ],
 )
 def test_a_pose_that_is_not_finite_is_refused(place, quaternion):
     with pytest.raises(MeasurementError, match="palm pose: expected finite x, yaw"):
         PalmFrame((X, YAW)).position("material", place, quaternion)
+    (found,) = PalmFrame((X, YAW)).positions("material", np.array([place]), np.array([quaternion]))
+    assert np.isnan(found).any()
 
 
 @pytest.mark.parametrize("pose", [[0.0] * 5, [0.0, 0.0, 0.0, 0.0, 0.0, math.nan]])

@@ -224,7 +224,7 @@ def _positions(
     names, stamp_ns, numbers = map(np.array, zip(*(each.value for each in poses), strict=True))
     before = np.array([each.strain_before for each in poses])
     position = np.full((len(names), frame.dimension), np.nan)
-    reason = "not finite"
+    reason = "not finite, or of impossible size"
     for name in np.unique(names).tolist():
         rows = names == name
         try:

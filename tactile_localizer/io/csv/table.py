@@ -27,6 +27,7 @@ from tactile_localizer.io.csv.columns import (
     phalanges_in,
 )
 from tactile_localizer.io.csv.rows import Header, read_rows
+from tactile_localizer.quantity import LARGEST_NUMBER
 from tactile_localizer.scene import AXIS_NAMES, Scene
 
 _MAX_STAMP_NS = 2**62
@@ -35,8 +36,6 @@ _DATE = re.compile(
     r"([0-9-]{10}[T ][0-9]{2}:[0-9]{2}:[0-9]{2})([.,][0-9]+)?\s*(?:Z|UTC|([-+][0-9]{2}):?([0-9]{2})?)?"
 )
 """Date and time in ISO 8601, fraction of a second, and hours and minutes of the time zone."""
-_LARGEST = 1e100
-"""Largest number, of which squares are finite."""
 _FLAGS = {"true": "1", "false": "0"}
 _MISSING = ("", "-", "na", "n/a", "#n/a", "<na>", "none", "null")
 """Spellings of a missing value beside NaN, in lower case."""
@@ -119,7 +118,7 @@ def read_table(
     notes = [f"skipped {lost} of {n + lost} rows of {path} (first: {first})"] if lost else []
     table = np.frombuffer(values).reshape(n, -1)
     table *= [float(factor) for each in list(needed.values())[1:] for factor in each.factors]
-    table[~(np.abs(table) <= _LARGEST)] = math.nan
+    table[~(np.abs(table) <= LARGEST_NUMBER)] = math.nan
     strain = table[:, len(axes) + len(beside) :]
     names = [name for each in strains.values() for name in each.names]
     counts = zip(names, np.isnan(strain).sum(axis=0).tolist(), strict=True)
@@ -193,7 +192,7 @@ class _Cells:
         time_s = sum(map(mul, map(Decimal, cells[: self._stamps]), self._stamp.factors), self._stamp.offset)
         numbers = list(map(float, cells[self._stamps :]))
         if not time_s.is_finite() or not all(
-            abs(each) <= _LARGEST for each in numbers[: self._required - self._stamps]
+            abs(each) <= LARGEST_NUMBER for each in numbers[: self._required - self._stamps]
         ):
             raise ValueError
         return time_s, numbers
@@ -212,7 +211,7 @@ def _plain(quantity: str, cell: str) -> str:
 
 def _is_number(text: str, *, required: bool) -> bool:
     try:
-        return text.isascii() and "_" not in text and (abs(float(text)) <= _LARGEST or not required)
+        return text.isascii() and "_" not in text and (abs(float(text)) <= LARGEST_NUMBER or not required)
     except ValueError:
         return False
 

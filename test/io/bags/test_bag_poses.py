@@ -131,6 +131,16 @@ def test_stamps_of_zero_are_named(tmp_path):
     assert counts(read_bag(write_bag(tmp_path / "some", happened), SCENE).notes) == [(1, 26)]
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("x", [1e200, 1.7e308, np.inf])
+def test_poses_of_impossible_size_are_skipped(tmp_path, x):
+    wild = [("palm_pose", ms, pose(ms, x=x * (-1) ** (ms // 200))) for ms in range(110, 1000, 200)]
+    recording = read_bag(write_bag(tmp_path / "bag", slide(0, 1000) + wild), SCENE)
+    assert counts(recording.notes) == [(5, 55)]
+    assert recording.notes[0].endswith("not finite, or of impossible size")
+    assert len(recording) == len(STRAIN_MS)
+
+
 def poses_of(rate, x=x_at, late_ms=0):
     """Poses every ``1 / rate`` s, whose stamps are behind their receipt."""
     return [("palm_pose", ms + late_ms, pose(ms, x=x(ms))) for ms in range(0, 2000, round(1000 / rate)) if ms]
