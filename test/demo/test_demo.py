@@ -179,7 +179,7 @@ def test_a_session_with_what_is_not_of_the_demo_stays(monkeypatch, tmp_path, cap
     assert main(["demo", "--out", str(tmp_path)]) == 2
     capsys.readouterr()
     (tmp_path / name).parent.mkdir(exist_ok=True)
-    (tmp_path / name).write_text("of the user")
+    (tmp_path / name).write_text("changed by the user")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     assert main(["demo", "--out", str(tmp_path)]) == 2
     assert "expected none, or that of an earlier demo, found " in capsys.readouterr().err
