@@ -151,7 +151,8 @@ def test_yaw_wraps_around() -> None:
     def turned(at: np.ndarray) -> np.ndarray:
         return np.sin(at[:, None] * waves + waves) + 0.02 * rng.standard_normal((len(at), 4))
 
-    localizer = build(slides(scene, yaw, [turned(yaw) for _ in range(3)]), scene=scene)
+    scan, known = slides(scene, yaw, [turned(yaw) for _ in range(3)]), Calibration(np.array([0.01]))
+    localizer = build(scan, scene=scene, known=known)
     way = np.pi - 0.5 + np.arange(0.0, 1.0, 0.02)
     for n, (place, row) in enumerate(zip(way, turned(way), strict=True)):
         estimate = localizer.update(10_000_000 * n, np.array([(place + np.pi) % (2 * np.pi) - np.pi]), row)

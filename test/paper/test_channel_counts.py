@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.learned import learn_once
 from support.scans import axes, bump_scan, scan, strain_at
 
 from tactile_localizer.core.calibration.calibration import Calibration
@@ -13,6 +12,7 @@ from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 COUNTS = (19, 6, 1)
+KNOWN = Calibration(np.full(2, 0.0015))
 
 
 def scene(counts=COUNTS, feature=None):
@@ -26,7 +26,7 @@ def test_every_model_localizes_with_any_channels(counts, model):
     of = scene(counts, Region((0.01, -np.inf), (0.04, np.inf)) if model == "Featureless" else None)
     configuration, rng = Configuration(model=f"tactile_localizer.paper:{model}"), np.random.default_rng(1)
     scanned = scan(np.random.default_rng(0), of, 800)
-    localizer = build_localizer(scanned, of, configuration, rng, calibration=learn_once(scanned, of))
+    localizer = build_localizer(scanned, of, configuration, rng, calibration=KNOWN)
     present = np.ones(len(counts), bool)
     for n in range(40):
         truth = np.array([0.01, 0.02]) + n * np.array([0.0006, 0.0002])
@@ -40,7 +40,8 @@ def test_the_level_of_a_sweep_does_not_move_the_position_of_another_model() -> N
     """On featureless material before the bump it becomes known, and is subtracted."""
     of = Scene("sheet", axes(2), (Phalanx("finger", (0.0, 0.0), 4),))
     configuration = Configuration(model="tactile_localizer.paper:SumOfGaussians")
-    localizer = build_localizer(bump_scan(of, offsets=1.0), of, configuration, np.random.default_rng(0))
+    scanned, rng = bump_scan(of, offsets=1.0), np.random.default_rng(0)
+    localizer = build_localizer(scanned, of, configuration, rng, calibration=KNOWN)
     way = np.column_stack([np.arange(0.002, 0.026, 0.0005), np.full(48, 0.024)])
     bump = 30.0 * np.exp(-0.5 * np.sum(((way - 0.025) / 0.004) ** 2, axis=1))[:, None]
     felt, ends = bump * np.linspace(-1.0, 1.0, 4), []
@@ -64,8 +65,7 @@ def test_more_channels_than_directions_of_the_signal_are_not_worse(axis: str) ->
             mixing = np.linalg.qr(np.random.default_rng(1).standard_normal((channels, channels)))[0]
         scanned = bump_scan(of)
         scanned = replace(scanned, strain=scanned.strain @ mixing)
-        known = Calibration(np.full(2, 0.0015))
-        localizer = build_localizer(scanned, of, Configuration(), np.random.default_rng(0), calibration=known)
+        localizer = build_localizer(scanned, of, Configuration(), np.random.default_rng(0), calibration=KNOWN)
         rng, converged = np.random.default_rng(2), 0
         for n, place in enumerate(ways):
             bump = 30.0 * np.exp(-0.5 * np.sum(((place - 0.025) / 0.004) ** 2))
