@@ -34,7 +34,8 @@ _LARGER = 1.5
 """Ratio from which a gap within cycles is larger than that before them."""
 
 _CONFIRMATIONS = 4
-"""Cycles in a row with a larger gap before one message after which they begin with it; at the start all."""
+"""Cycles in a row with a larger gap before one message after which they begin with it; at the start, as many
+as there are."""
 
 
 @dataclass(slots=True, eq=False)

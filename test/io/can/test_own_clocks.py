@@ -79,29 +79,24 @@ def test_delays_of_the_whole_bus_neither_tear_nor_mix_cycles(tmp_path: Path, cel
     assert len(set(spread)) == 1, "the same samples belong together before and after"
 
 
-@pytest.mark.parametrize("cell", range(4))
-def test_a_frame_lost_from_a_burst_does_not_mix_samples(tmp_path: Path, cell: int) -> None:
-    number = np.arange(200)
-    times_s = [number / RATE_HZ + 3e-4 * k for k in range(4)]
-    lost = {(cell, n) for n in range(20, 200, 7)}
-    cycles = cycles_of(hand(tmp_path, 4), times_s, lost)
-    found = [one.strain[np.isfinite(one.strain)] for one in cycles]
-    assert all(np.ptp(strain) == 0 for strain in found)
-    numbers = [int(strain[0]) for strain in found]
-    assert numbers == list(range(numbers[0], 200))
-    assert [len(strain) for strain in found] == [4 - ((cell, n) in lost) for n in numbers]
-
-
 @pytest.mark.parametrize("cells", [3, 4, 8])
 @pytest.mark.parametrize("seed", range(4))
-def test_several_losses_in_a_cycle_do_not_mix_samples(tmp_path: Path, cells: int, seed: int) -> None:
-    """Nor in the next ones, which begin again with their first frame."""
+def test_losses_from_bursts_neither_mix_samples_nor_split_cycles(
+    tmp_path: Path, cells: int, seed: int
+) -> None:
     number = np.arange(300)
     times_s = [number / RATE_HZ + 3e-4 * k for k in range(cells)]
     rng = np.random.default_rng(seed)
     lost = {(k, n) for k in range(cells) for n in range(20, 300) if rng.uniform() < 0.05}
     cycles = cycles_of(hand(tmp_path, cells), times_s, lost)
-    assert [np.ptp(one.strain[np.isfinite(one.strain)]) for one in cycles] == [0.0] * len(cycles)
+    found = [one.strain[np.isfinite(one.strain)] for one in cycles]
+    assert [np.ptp(strain) for strain in found] == [0.0] * len(found)
+    numbers = [int(strain[0]) for strain in found]
+    assert numbers == list(range(1, numbers[-1] + 1))
+    assert numbers[-1] >= 298
+    assert [len(strain) for strain in found] == [
+        cells - sum((k, n) in lost for k in range(cells)) for n in numbers
+    ]
 
 
 @pytest.mark.parametrize("seed", range(4))
