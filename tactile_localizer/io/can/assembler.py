@@ -225,11 +225,15 @@ class CycleAssembler:
     def feed(self, frames: Sequence[can.Message], oldest_ns: int = 0) -> list[Cycle]:
         """Process frames in order of reception; returns the cycles that they complete or close.
 
-        Frames stamped before ``oldest_ns`` are discarded as late.
+        Frames stamped before ``oldest_ns`` are discarded as late, and close the open cycle: what it lacks is
+        late, too.
         """
         for frame in frames:
-            is_late = frame.timestamp * 1e9 < oldest_ns
-            self.counts.frames[FrameKind.LATE if is_late else self._take(frame)] += 1
+            if frame.timestamp * 1e9 < oldest_ns:
+                self._close()
+                self.counts.frames[FrameKind.LATE] += 1
+            else:
+                self.counts.frames[self._take(frame)] += 1
         cycles, self._cycles = self._cycles, []
         return cycles
 

@@ -227,6 +227,17 @@ def test_the_last_cycle_is_closed_after_a_silence() -> None:
     assert assembler.remaining_ns(START_NS) is None
 
 
+@pytest.mark.parametrize("read", [1, 2, 3])
+def test_a_cycle_whose_other_frames_are_late_is_closed_before_newer_ones(read: int) -> None:
+    assembler = started()
+    made = assembler.feed(FRAMES[:read])
+    oldest_ns = START_NS + 50 * PERIOD_NS - MS
+    made += assembler.feed(FRAMES[read : 4 * 50], oldest_ns)
+    assert samples(made) == [[0 if read >= 2 else None, None]]
+    assert samples(assembler.feed(FRAMES[4 * 50 :], oldest_ns)) == [[n, n] for n in range(50, 100)]
+    assert assembler.counts.frames[FrameKind.LATE] == 4 * 50 - read
+
+
 @pytest.mark.parametrize("step_s", [-30.0, 30.0])
 def test_a_clock_step_costs_at_most_one_cycle(step_s: float) -> None:
     frames = FRAMES[:160]
