@@ -95,7 +95,7 @@ def still_travel(scan: Scan, scene: Scene) -> np.ndarray:
         own = scan.sweep == number
         path = positions[own]
         along = motion.travels(motion.wrapped(np.diff(path, axis=0, prepend=path[:1]))).cumsum()
-        for channel, values in enumerate(strain[own].T):
-            ends = np.append(np.flatnonzero(np.diff(values)), len(values) - 1)
-            longest[channel] = max(longest[channel], float(np.diff(along[ends], prepend=0.0).max()))
+        ends = np.where(np.diff(strain[own], axis=0) != 0.0, along[:-1, None], 0.0)
+        ends = np.maximum.accumulate(np.vstack([np.zeros_like(longest), ends]))
+        longest = np.maximum(longest, (along[:, None] - ends).max(axis=0))
     return np.where((strain == strain[:1]).all(axis=0), np.inf, longest)

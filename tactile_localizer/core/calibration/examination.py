@@ -27,7 +27,7 @@ from tactile_localizer.core.geometry.motion import MotionModel, levers
 from tactile_localizer.core.hypotheses.convergence import probability_within
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tracks import evenly
+from tactile_localizer.core.scan.tracks import Tracks, evenly
 from tactile_localizer.scene import Scene
 
 LENGTHS = (0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
@@ -36,8 +36,10 @@ BY_CHANCE = 1
 """False claims in all trials that are no pattern yet. By judgement."""
 UNEXAMINED = 0.0085
 """Information length where no sweep can be held out, m. By judgement."""
-_MOST_SWEEPS = 6
-"""Sweeps that are held out, and parts of them that are localized on either half of the map."""
+_TRIALS = 12
+"""Sweeps, or parts of them, that are localized on the map, and off it."""
+_MAPS = 6
+"""Maps without a sweep; of more sweeps, two that are far from each other are left out of one."""
 _LONGEST = 0.1
 """m of a sweep that are localized."""
 _LEAST_STRAINS = 10
@@ -183,15 +185,20 @@ def _trials(scan: Scan, model: SweepModel, build: Build) -> Iterator[_Trial]:
     tracks, rng = model.scan.tracks, np.random.default_rng(0)
     scene, count = tracks.scene, len(tracks)
     positions, strain = scan.positions_on(scene), scan.strain_on(scene)
-    # The outermost ones lie beside the map of the others.
-    edge = int(count > 4)
-    chosen = [edge + index for index in evenly(count - 2 * edge, _MOST_SWEEPS)]
+    order = _across(tracks)
+    inner = order[1:-1] if len(order) > 4 else order  # the outermost lie beside the map of the others
+    chosen = [int(inner[place]) for place in evenly(len(inner), _TRIALS)]
     sweeps = [np.flatnonzero(scan.sweep == scan.sweep_numbers[index]) for index in chosen]
-    for index, own in zip(chosen, sweeps, strict=True):
-        localizer = build(model.part(tracks.number != index), scene)
-        for begin in (0, int(rng.uniform(0.15, 0.6) * len(own))):
-            rows = _first(own[begin:], positions, scene)
-            yield _Trial(index, True, localizer, positions[rows], strain[rows])
+    maps = [
+        build(model.part(~np.isin(tracks.number, chosen[first::_MAPS])), scene)
+        for first in range(min(_MAPS, len(chosen)))
+    ]
+    for trial in range(_TRIALS):
+        which = trial % len(chosen)
+        own, begins_late = sweeps[which], (trial + trial // len(chosen)) % 2
+        begin = int(rng.uniform(0.15, 0.6) * len(own)) if begins_late else 0
+        rows = _first(own[begin:], positions, scene)
+        yield _Trial(chosen[which], True, maps[which % len(maps)], positions[rows], strain[rows])
     extent = np.array([np.ptp(tracks.positions[own], axis=0) for own in tracks.slices]) * levers(scene)
     along = int(np.median(extent, axis=0).argmax())
     middle = 0.5 * float(tracks.positions[:, along].min() + tracks.positions[:, along].max())
@@ -200,13 +207,20 @@ def _trials(scan: Scan, model: SweepModel, build: Build) -> Iterator[_Trial]:
         if kept.all() or not kept.any():
             continue
         localizer = build(model.part(kept), surroundings(scene, tracks.positions[kept]))
-        for trial in range(_MOST_SWEEPS):
-            index, own = chosen[trial % len(chosen)], sweeps[trial % len(chosen)]
+        for trial in range(side, _TRIALS, 2):
+            which = (trial + trial // len(chosen)) % len(chosen)  # of two sweeps, both on either half
+            index, own = chosen[which], sweeps[which]
             rows = own[(positions[own, along] > middle) != bool(side)]
             rows = rows[int(rng.uniform(0.0, 0.5) * len(rows)) :]
             if len(rows) >= _LEAST_STRAINS:
                 rows = _first(rows, positions, scene)
                 yield _Trial(index, False, localizer, positions[rows], strain[rows])
+
+
+def _across(tracks: Tracks) -> np.ndarray:
+    """Tracks (S,) in the order of their mean positions along the axis on which these differ most."""
+    means = np.array([tracks.positions[own].mean(axis=0) for own in tracks.slices]) * levers(tracks.scene)
+    return means[:, np.ptp(means, axis=0).argmax()].argsort(kind="stable")
 
 
 def _first(rows: np.ndarray, positions: np.ndarray, scene: Scene) -> np.ndarray:

@@ -48,8 +48,7 @@ def registration_errors(model: SweepModel, information_length: float) -> np.ndar
     for index in evenly(len(tracks), _MAX_HELD_OUT_SWEEPS) if len(tracks) > 1 else []:
         part = _most_signal(tracks.slices[index], scan.signal)
         shift, variance = register(model, part, on_line_of(tracks, index), information_length)
-        # Before contact the position is open.
-        known = scan.signal[part].any(axis=1) & (variance.sum(axis=1) < _WRONG_PLACE_M**2)
+        known = variance.sum(axis=1) < _WRONG_PLACE_M**2  # before contact the position is open
         if known.any():
             found.append((shift[known], variance[known]))
     return registration_std(found, tracks.scene.dimension) / levers(tracks.scene)

@@ -1,6 +1,7 @@
 """The examination of a scan by its own sweeps."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,6 +69,26 @@ def test_a_single_sweep_cannot_be_examined() -> None:
     assert examination == Examination()
     assert examination.information_length == UNEXAMINED
     assert examination.score == examination.ignorance
+
+
+def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two passes, one after the other: no line twice while another was not held out."""
+    one = scan(0.15)
+    again = replace(one, sweep=one.sweep + len(one.sweep_numbers))
+    both = replace(
+        one,
+        **{k: np.concatenate([getattr(s, k) for s in (one, again)]) for k in ("states", "strain", "sweep")},
+    )
+    places: list[float] = []
+
+    def localized(trial: _Trial, _: float) -> Outcome:
+        if trial.on_map:
+            places.append(float(trial.positions[0, 1]))
+        return Outcome(trial.sweep, trial.on_map, 0.0, True, False, True, (0.0,) * 2, (0.0,) * 2)
+
+    monkeypatch.setattr(module, "_localize", localized)
+    learn(both, SHEET)
+    assert len(set(places)) == len(one.sweep_numbers)
 
 
 @pytest.mark.parametrize(("claims", "chosen"), [(1, 0.0017), (2, 0.005)])
