@@ -8,7 +8,7 @@ posterior (Bissiri, Holmes and Walker, 2016) is learned.
 
 The score is that of sweeps on the map. Parts of sweeps on a map of which their surroundings are left out are
 other material of the same kind: there every claim is false. Lengths at which false claims are more than
-chance are not chosen.
+chance are not chosen, and where none scores better than ignorance, it is the longest.
 """
 
 from __future__ import annotations
@@ -46,8 +46,9 @@ _LEAST_STRAINS = 10
 """Strains of a part of a sweep that is localized."""
 _EACH = 4
 """Measurement updates from one that is scored to the next."""
-_LEAST_PROBABILITY = 1e-6
-"""Least probability that is scored: that of one cell in a million."""
+_LEAST_PROBABILITY = 0.01
+"""Least probability that is scored: a belief that gives less to the truth is wrong, how much less says
+nothing of others."""
 _PERIOD_NS = 10_000_000
 """Time between two strains, ns: so slow that each update distance leads to a measurement update."""
 
@@ -175,15 +176,19 @@ def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | No
     for step in (-1, 1):
         while 0 <= best + step < len(LENGTHS) and merit(best + step) > merit(best):
             best += step
-    scores = tuple((LENGTHS[choice], *_scores(tried[choice])) for choice in sorted(tried))
     radius = trials[0].localizer.criteria.radius
-    return Examination(LENGTHS[best], *_ignorance(scene, radius), tuple(tried[best]), scores)
+    ignorance, ignorance_axes = _ignorance(scene, radius)
+    if merit(best)[1] < ignorance:
+        best = len(LENGTHS) - 1
+        merit(best)
+    scores = tuple((LENGTHS[choice], *_scores(tried[choice])) for choice in sorted(tried))
+    return Examination(LENGTHS[best], ignorance, ignorance_axes, tuple(tried[best]), scores)
 
 
 def _trials(scan: Scan, model: SweepModel, build: Build) -> Iterator[_Trial]:
     """Sweeps from their start and from further on, each on the map without it; halves off the map."""
     tracks, rng = model.scan.tracks, np.random.default_rng(0)
-    scene, count = tracks.scene, len(tracks)
+    scene = tracks.scene
     positions, strain = scan.positions_on(scene), scan.strain_on(scene)
     order = _across(tracks)
     inner = order[1:-1] if len(order) > 4 else order  # the outermost lie beside the map of the others

@@ -71,6 +71,10 @@ def test_a_single_sweep_cannot_be_examined() -> None:
     assert examination.score == examination.ignorance
 
 
+def outcome(trial: _Trial, score: float = 0.0, wrong: bool = False) -> Outcome:
+    return Outcome(trial.sweep, trial.on_map, score, True, wrong, True, (0.0,) * 2, (0.0,) * 2)
+
+
 def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two passes, one after the other: no line twice while another was not held out."""
     one = scan(0.15)
@@ -84,7 +88,7 @@ def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.M
     def localized(trial: _Trial, _: float) -> Outcome:
         if trial.on_map:
             places.append(float(trial.positions[0, 1]))
-        return Outcome(trial.sweep, trial.on_map, 0.0, True, False, True, (0.0,) * 2, (0.0,) * 2)
+        return outcome(trial)
 
     monkeypatch.setattr(module, "_localize", localized)
     learn(both, SHEET)
@@ -101,10 +105,14 @@ def test_a_length_with_more_false_claims_than_chance_is_not_chosen(
 
     def localized(trial: _Trial, length: float) -> Outcome:
         made[length] += 1
-        wrong = length < 0.004 and made[length] <= claims
-        return Outcome(
-            trial.sweep, trial.on_map, score.get(length, -5.0), True, wrong, True, (0.0,) * 2, (0.0,) * 2
-        )
+        return outcome(trial, score.get(length, -5.0), length < 0.004 and made[length] <= claims)
 
     monkeypatch.setattr(module, "_localize", localized)
     assert learn(scan(0.15), SHEET).examination.information_length == chosen
+
+
+def test_where_no_length_is_better_than_ignorance_least_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_localize", lambda trial, length: outcome(trial, -5.0 - 10.0 * length))
+    examination = learn(scan(0.0), SHEET).examination
+    assert examination.information_length == module.LENGTHS[-1]
+    assert examination.score == pytest.approx(-5.0 - 10.0 * module.LENGTHS[-1])
