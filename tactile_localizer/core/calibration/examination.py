@@ -46,7 +46,7 @@ _LEAST_STRAINS = 10
 """Strains of a part of a sweep that is localized."""
 _EACH = 4
 """Measurement updates from one that is scored to the next."""
-_LEAST_PROBABILITY = 0.01
+_LEAST_PROBABILITY = 0.005
 """Least probability that is scored: a belief that gives less to the truth is wrong, how much less says
 nothing of others."""
 _PERIOD_NS = 10_000_000

@@ -31,7 +31,7 @@ _log = logging.getLogger(__name__)
 
 FILE = "calibration.json"
 _MOST_BYTES = 2**20
-ALGORITHM = 16
+ALGORITHM = 17
 """Number that changes with the algorithm of :func:`~.factory.learn`."""
 
 
