@@ -27,6 +27,7 @@ from typing import Any
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.errors import ScanError, listed
 from tactile_localizer.io.yaml_file import load_yaml, mapping
+from tactile_localizer.quantity import LARGEST_NUMBER
 from tactile_localizer.scene import AXIS_NAMES, MOST_CHANNELS, Scene
 
 FELT, SWEEP = "felt", "sweep"
@@ -259,6 +260,6 @@ def _number(text: str, where: str) -> Decimal:
         number = Decimal(text)
     except InvalidOperation:
         number = Decimal(0)
-    if not number.is_finite() or number == 0:
+    if not number.is_finite() or not 0 < abs(number) <= LARGEST_NUMBER:
         raise ScanError(f"{where}: expected a number after *, + or -, other than 0, got {text!r:.80}")
     return number

@@ -117,7 +117,8 @@ def read_table(
         raise ScanError(f"{path}: expected stamps that increase, found {found}")
     notes = [f"skipped {lost} of {n + lost} rows of {path} (first: {first})"] if lost else []
     table = np.frombuffer(values).reshape(n, -1)
-    table *= [float(factor) for each in list(needed.values())[1:] for factor in each.factors]
+    with np.errstate(over="ignore", invalid="ignore"):  # these values are missing
+        table *= [float(factor) for each in list(needed.values())[1:] for factor in each.factors]
     table[~(np.abs(table) <= LARGEST_NUMBER)] = math.nan
     strain = table[:, len(axes) + len(beside) :]
     names = [name for each in strains.values() for name in each.names]

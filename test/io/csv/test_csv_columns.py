@@ -98,6 +98,18 @@ def test_a_phalanx_with_the_name_of_another_quantity_is_refused(tmp_path):
         read_csv(write_csv(tmp_path / "a.csv", HEADER, line_rows(4)), scene)
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("factor", ["1e100", "1e-400"])
+def test_strain_that_a_factor_makes_too_large_is_missing(tmp_path, factor):
+    rows = line_rows(4)
+    rows[1][3] = rows[2][4] = "1e308"
+    rows[3][5] = "inf"
+    path = write_csv(tmp_path / "a.csv", HEADER, rows)
+    (sweep,) = read_csv(path, LINE, naming_from_pairs([f"index=index_1..8*{factor}"], ColumnNaming())).sweeps
+    assert np.isnan(sweep.strain[3, 3])
+    assert np.isnan(sweep.strain[[1, 2], [1, 2]]).all() == (factor == "1e100")
+
+
 @given(
     st.lists(
         st.tuples(st.sampled_from(["stamp_s", "pose_stamp_s", "x", "index"]), st.text(min_size=1)), max_size=3
@@ -115,6 +127,7 @@ def test_any_naming_is_read_back_or_refused(pairs):
         (["x"], "expected QUANTITY=COLUMN"),
         (["x=a*b"], "'x': expected a number after"),
         (["x=a*nan"], "'x': expected a number after"),
+        (["stamp_s=a*1e999999"], "'stamp_s': expected a number after"),
         (["x=a*0"], "'x': expected a number after .* other than 0, got '0'"),
         (["thumb=g1..8"], "'thumb': expected one of stamp_s, pose_stamp_s, sweep, felt, x, true_x, index"),
         (["index=g1..999999999"], "'index': expected 1 to 4096 columns"),
