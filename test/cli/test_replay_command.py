@@ -24,7 +24,7 @@ COMMAND = "replay test.csv --scan bump_scan --scene scene.yaml --filter grid --s
 def bump_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with ``scene.yaml``, ``train.csv``, ``test.csv`` (two sweeps) and ``bump_scan``.
 
-    ``line_scan`` has one sweep, from which there is little to learn.
+    ``line_scan`` has a single sweep, so learning from it is quick.
     """
     folder = tmp_path_factory.mktemp("bump")
     save_scene(shipped_scene("bump"), folder / "scene.yaml")

@@ -8,7 +8,8 @@ posterior (Bissiri, Holmes and Walker, 2016) is learned.
 
 The score is that of sweeps on the map. Parts of sweeps on a map of which their surroundings are left out are
 other material of the same kind: there every claim is false. Lengths at which false claims are more than
-chance are not chosen, and where none scores better than ignorance, it is the longest.
+chance are not chosen. Where an axis is known no better than by ignorance, it is the longest length: nothing
+that was scanned tells places along it apart.
 """
 
 from __future__ import annotations
@@ -176,13 +177,18 @@ def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | No
     for step in (-1, 1):
         while 0 <= best + step < len(LENGTHS) and merit(best + step) > merit(best):
             best += step
-    radius = trials[0].localizer.criteria.radius
-    ignorance, ignorance_axes = _ignorance(scene, radius)
-    if merit(best)[1] < ignorance:
-        best = len(LENGTHS) - 1
-        merit(best)
-    scores = tuple((LENGTHS[choice], *_scores(tried[choice])) for choice in sorted(tried))
-    return Examination(LENGTHS[best], ignorance, ignorance_axes, tuple(tried[best]), scores)
+    ignorance = _ignorance(scene, trials[0].localizer.criteria.radius)
+
+    def examination(choice: int) -> Examination:
+        scores = tuple((LENGTHS[each], *_scores(tried[each])) for each in sorted(tried))
+        return Examination(LENGTHS[choice], *ignorance, tuple(tried[choice]), scores)
+
+    found = examination(best)
+    if (found.observed < 0.0).any():
+        longest = len(LENGTHS) - 1
+        merit(longest)
+        found = examination(longest)
+    return found
 
 
 def _trials(scan: Scan, model: SweepModel, build: Build) -> Iterator[_Trial]:

@@ -71,8 +71,10 @@ def test_a_single_sweep_cannot_be_examined() -> None:
     assert examination.score == examination.ignorance
 
 
-def outcome(trial: _Trial, score: float = 0.0, wrong: bool = False) -> Outcome:
-    return Outcome(trial.sweep, trial.on_map, score, True, wrong, True, (0.0,) * 2, (0.0,) * 2)
+def outcome(trial: _Trial, score: float = 0.0, wrong: bool = False, y: float = 0.0) -> Outcome:
+    """Of a trial, with a score along ``y`` alone."""
+    axes = (0.0, y) if trial.on_map else ()
+    return Outcome(trial.sweep, trial.on_map, score, True, wrong, True, (0.0,) * 2, (0.0,) * 2, axes)
 
 
 def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,8 +113,13 @@ def test_a_length_with_more_false_claims_than_chance_is_not_chosen(
     assert learn(scan(0.15), SHEET).examination.information_length == chosen
 
 
-def test_where_no_length_is_better_than_ignorance_least_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_localize", lambda trial, length: outcome(trial, -5.0 - 10.0 * length))
-    examination = learn(scan(0.0), SHEET).examination
-    assert examination.information_length == module.LENGTHS[-1]
-    assert examination.score == pytest.approx(-5.0 - 10.0 * module.LENGTHS[-1])
+@pytest.mark.parametrize(("y", "chosen"), [(0.9, 0.0017), (1.1, 0.05)])
+def test_where_an_axis_is_known_no_better_than_by_ignorance_least_is_claimed(
+    monkeypatch: pytest.MonkeyPatch, y: float, chosen: float
+) -> None:
+    """Also if the whole is worse than ignorance of the place, because the map is doubted."""
+    ignorance = np.log(0.015 / SHEET.extent[1])
+    monkeypatch.setattr(
+        module, "_localize", lambda trial, length: outcome(trial, -5.0 - length, y=y * ignorance)
+    )
+    assert learn(scan(0.0), SHEET).examination.information_length == chosen
