@@ -13,9 +13,10 @@ from tactile_localizer.scene import Scene
 
 
 def digest_of(scan: Scan, scene: Scene) -> str:
-    """Hexadecimal digest of the contents of ``scan`` and ``scene``, the same on every machine."""
+    """Hexadecimal digest of ``scan`` and ``scene``, but for its name; the same on every machine."""
     digest = hashlib.blake2b(digest_size=16)
-    text = {"scene": asdict(scene), "axes": scan.axes, "phalanges": scan.phalanges, "pairs": len(scan)}
+    meaning = asdict(scene) | {"name": ""}
+    text = {"scene": meaning, "axes": scan.axes, "phalanges": scan.phalanges, "pairs": len(scan)}
     digest.update(json.dumps(text, sort_keys=True, default=np.ndarray.tolist).encode())
     for array, kind in ((scan.states, "<f8"), (scan.strain, "<f8"), (scan.sweep, "<i8")):
         digest.update(np.ascontiguousarray(array, dtype=kind).data)

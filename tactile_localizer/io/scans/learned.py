@@ -1,7 +1,8 @@
 """Calibration of a scan, kept in its folder for the next start.
 
-It is used only for exactly the pairs and the scene that it was learned from. A failure to store it costs only
-the time to learn it again.
+It is used only for exactly the pairs and the scene that it was learned from, whatever the scene's name. That
+for the scan's own scene is in ``calibration.json``, and each other scene has a file beside it. A failure to
+store it costs only the time to learn it again.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from tactile_localizer.core.factory import learn
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ScanError, SceneError
+from tactile_localizer.io.recording import SCENE_OF_SCAN
+from tactile_localizer.io.scene_file import load_scene, scene_to_dict
 from tactile_localizer.io.whole_file import RESULT, open_file, whole_file
 from tactile_localizer.scene import Scene
 
@@ -46,9 +49,9 @@ def learned_calibration(
     scan, scene : training pairs and their scene
     progress : called with a description of the step and its completed fraction
     """
-    digest = digest_of(scan, scene)
+    digest, kept = digest_of(scan, scene), _file(Path(path), scene)
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
-        with open_file(Path(path, FILE)) as file:
+        with open_file(kept) as file:
             values = json.loads(file.read(_MOST_BYTES))
         calibration = Calibration(
             np.array(values["registration_std"], dtype=np.float64),
@@ -58,15 +61,24 @@ def learned_calibration(
         if values == _content(digest, calibration) and len(calibration.registration_std) == scene.dimension:
             return calibration
     calibration = learn(scan, scene, progress)
-    store_calibration(path, digest, calibration)
+    store_calibration(kept, digest, calibration)
     return calibration
 
 
-def store_calibration(path: str | Path, digest: str, calibration: Calibration) -> None:
-    """Write a calibration into the folder of a scan; a failure is logged as a warning."""
+def _file(folder: Path, scene: Scene) -> Path:
+    """File of the calibration of a scan for a scene."""
+    own = None
+    with contextlib.suppress(SceneError):
+        own = dataclasses.replace(load_scene(folder / SCENE_OF_SCAN), name=scene.name)
+    text = json.dumps(scene_to_dict(dataclasses.replace(scene, name="")))
+    return folder / (FILE if own in (None, scene) else f"calibration_{zlib.crc32(text.encode()):08x}.json")
+
+
+def store_calibration(path: Path, digest: str, calibration: Calibration) -> None:
+    """Write a calibration to a file in the folder of a scan; a failure is logged as a warning."""
     text = json.dumps(_content(digest, calibration), indent=2) + "\n"
     try:
-        with whole_file(Path(path, FILE)) as unfinished:
+        with whole_file(path) as unfinished:
             unfinished.write_text(text, encoding="utf-8")
     except ScanError as error:
         _log.warning("%s; the next start calibrates again", error)

@@ -15,7 +15,7 @@ from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.io.recording import RecordedSweep, Recording
 from tactile_localizer.io.scans.folder import ScanFolder
-from tactile_localizer.io.scans.learned import store_calibration
+from tactile_localizer.io.scans.learned import FILE, store_calibration
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.scene import Scene
 from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_sweep
@@ -38,7 +38,7 @@ def write_scan(
         for number, sweep in enumerate(_simulated(feature).sweeps, start=1):
             writer.add(dataclasses.replace(sweep, number=number))
     if calibrated and scene.dimension == len(CALIBRATION.registration_std):
-        store_calibration(path, digest_of(ScanFolder(path).load(), scene), CALIBRATION)
+        store_calibration(path / FILE, digest_of(ScanFolder(path).load(), scene), CALIBRATION)
 
 
 @lru_cache
