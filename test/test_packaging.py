@@ -211,7 +211,6 @@ def test_the_help_of_a_command_needs_no_extra(command: str, tmp_path: Path) -> N
         ("matplotlib", "replay a.csv --scan scan --plot b.png"),
         ("jinja2", "replay a.csv --scan scan --report b.html"),
         ("matplotlib", "scan info scan --report b.html"),
-        ("distributed", "tradeoff a.csv --scan scan --cluster tcp://a:1"),
         ("rclpy", "demo"),
         ("scipy", "replay a.csv --scan scan"),
     ],

@@ -43,7 +43,6 @@ _NEEDED = {
         name: f"pip install {name}, or this package as '.[offline]'"
         for name in ("argcomplete", "jinja2", "joblib", "matplotlib", "mcap", "rosbags", "zstandard")
     },
-    "distributed": "pip install 'dask[distributed]', or this package as '.[cluster]'",
     "rclpy": "source ROS 2; `make demo` makes an environment that has it",
 }
 """Libraries that only some commands need, with what to do where they are absent."""

@@ -63,7 +63,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write the fastest configuration per millimetre of travel within this mean error, mm",
     )
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes; -1: one per core")
-    parser.add_argument("--cluster", metavar="ADDRESS", help="dask scheduler to use instead")
     parser.add_argument("-o", "--output", type=Path, default=Path("tradeoff"), metavar="DIR")
 
 
@@ -73,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"--target-mm: expected a positive number, got {args.target_mm:g}")
     names = ("tradeoff.png", "tradeoff.json", "configuration.yaml")
     picture, numbers, chosen = (args.output / name for name in names)
-    libraries = ["joblib"] * (args.jobs != 1) + ["joblib", "distributed"] * (args.cluster is not None)
+    libraries = ["joblib"] * (args.jobs != 1)
     for path in (picture, numbers, *[chosen] * (args.target_mm is not None)):
         require_writable(path, args, *libraries)
     scan, scene = scan_from_arguments(args)
@@ -89,7 +88,6 @@ def run(args: argparse.Namespace) -> int:
             calibration,
             seed=args.seed,
             jobs=args.jobs,
-            cluster=args.cluster,
             progress=progress,
         )
     if not trades:

@@ -1,13 +1,12 @@
 """Accuracy against computing time of several configurations on the same sweeps.
 
-Each candidate replays the recording, in processes of this machine or on a dask cluster. Times are processor
-times of one thread, so that candidates may run beside each other.
+Each candidate replays the recording, in one or several processes. Times are processor times of one thread, so
+that candidates may run beside each other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
@@ -29,8 +28,6 @@ from tactile_localizer.scene import Scene
 
 DEFAULT = "default"
 """Name of the default configuration beside those of the presets."""
-
-_CLUSTER_TIMEOUT_S = 5
 
 
 @dataclass(frozen=True)
@@ -129,7 +126,6 @@ def trade(
     *,
     seed: int = 0,
     jobs: int = 1,
-    cluster: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[list[Trade], dict[str, str]]:
     """Replay a recording with every candidate.
@@ -142,7 +138,6 @@ def trade(
     calibration : calibration of the scan
     seed : seed of the particle filters
     jobs : processes on this machine; -1: one per core
-    cluster : address of a dask scheduler to use instead
     progress : called with a description of the work and the completed fraction
 
     Returns
@@ -155,7 +150,7 @@ def trade(
     Raises
     ------
     ParameterError
-        A recording without truth, an invalid number of jobs, or a cluster that cannot be reached.
+        A recording without truth, or an invalid number of jobs.
     """
     if any(sweep.truth is None for sweep in recording.sweeps):
         raise ParameterError(f"{recording.source}: expected true positions, found none")
@@ -167,14 +162,14 @@ def trade(
     measure = partial(_measure, scan, scene, marked, calibration, seed)
     trades: list[Trade] = []
     failed: dict[str, str] = {}
-    with _workers(jobs, cluster) as run:
-        for number, (one, outcome) in enumerate(zip(measured, run(measure, measured), strict=True), 1):
-            if isinstance(outcome, Trade):
-                trades.append(outcome)
-            else:
-                failed[one.name] = outcome
-            if progress is not None:
-                progress("replaying", number / len(measured))
+    outcomes = _in_processes(jobs, measure, measured)
+    for number, (one, outcome) in enumerate(zip(measured, outcomes, strict=True), 1):
+        if isinstance(outcome, Trade):
+            trades.append(outcome)
+        else:
+            failed[one.name] = outcome
+        if progress is not None:
+            progress("replaying", number / len(measured))
     return trades, failed
 
 
@@ -222,30 +217,15 @@ def for_target(trades: Sequence[Trade], target_m: float) -> Trade | None:
     return min(accurate, key=lambda one: (one.verdict.wrong, one.us_per_mm, one.error), default=None)
 
 
-@contextmanager
-def _workers(jobs: int, cluster: str | None) -> Iterator[Callable[..., Iterator[Trade | str]]]:
-    """Context with a ``map`` in this process, in several processes of this machine, or on a dask cluster."""
-    if cluster is None and jobs == 1:
-        yield map
-        return
+def _in_processes(
+    jobs: int, measure: Callable[[Candidate], Trade | str], measured: Sequence[Candidate]
+) -> Iterator[Trade | str]:
+    """Outcomes in the order of the candidates, from this process or from several."""
+    if jobs == 1:
+        return map(measure, measured)
     import joblib
 
-    def run(function: Callable[..., Trade | str], values: Sequence[Candidate]) -> Iterator[Trade | str]:
-        calls = map(joblib.delayed(function), values)
-        outcomes: Iterator[Trade | str] = joblib.Parallel(return_as="generator", batch_size=1)(calls)
-        return outcomes
-
-    if cluster is None:
-        with joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1):
-            yield run
-        return
-    from distributed import Client
-
-    try:
-        client = Client(cluster, timeout=_CLUSTER_TIMEOUT_S)
-    except (OSError, ValueError) as error:
-        raise ParameterError(
-            f"--cluster {cluster}: expected a dask scheduler, {' '.join(str(error).split())}"
-        ) from None
-    with client, joblib.parallel_config("dask", client=client):
-        yield run
+    with joblib.parallel_config("loky", inner_max_num_threads=1):
+        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator", batch_size=1)
+        outcomes: Iterator[Trade | str] = parallel(map(joblib.delayed(measure), measured))
+    return outcomes

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -81,19 +80,11 @@ def test_a_candidate_that_fails_costs_its_row_only() -> None:
 
 
 @pytest.mark.slow
-def test_a_cluster_of_two_workers_finds_the_same(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed", reason="dask[distributed] is not installed")
-    here, _ = trade(SCAN, BUMP, RECORDING, COARSE, CALIBRATION)
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=tmp_path
-    ) as cluster:
-        address = cluster.scheduler_address
-        there, _ = trade(SCAN, BUMP, RECORDING, COARSE, CALIBRATION, cluster=address)
+def test_two_processes_find_the_same() -> None:
+    (here, _), (there, _) = (trade(SCAN, BUMP, RECORDING, COARSE, CALIBRATION, jobs=jobs) for jobs in (1, 2))
     for one, other in zip(here, there, strict=True):
         assert one.error == other.error < 0.01
         assert one.verdict == other.verdict
-    with pytest.raises(ParameterError, match=r"--cluster tcp://127.0.0.1:9: expected a dask scheduler"):
-        trade(SCAN, BUMP, RECORDING, COARSE, CALIBRATION, cluster="tcp://127.0.0.1:9")
 
 
 def test_what_cannot_be_measured_is_refused() -> None:
