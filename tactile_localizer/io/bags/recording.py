@@ -35,7 +35,7 @@ from tactile_localizer.scene import Scene
 from tactile_localizer.streams.palm_frame import PalmFrame
 from tactile_localizer.streams.runs import NANOSECONDS, STRAIN, Runs, runs_of
 from tactile_localizer.streams.sweep_detector import SweepDetector
-from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S, pair_recorded
+from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S, DEFAULT_PATIENCE_S, pair_recorded
 from tactile_localizer.streams.transforms import combined
 
 _MOST_DELAY_NS = NANOSECONDS // 10
@@ -157,12 +157,17 @@ def _by_name(
     """The messages by the names of their topics, in the order of receipt."""
     named = {topic: name for name, topic in names.items()} | dict.fromkeys(strains, "strain")
     found: dict[str, list[_Arrived]] = defaultdict(list)
-    strain = Runs()
-    for topic, received_ns, value in messages.received:
+    strain, received = Runs(), messages.received
+    leads_ns = [value.stamp_ns - received_ns for topic, received_ns, value in received if topic in strains]
+    ahead_ns = max(leads_ns, default=0)
+    for topic, received_ns, value in received:
         name, before = named[topic], len(found["strain"])
         run = strain.number[STRAIN] if name != "strain" else strain.add(STRAIN, value.stamp_ns)
-        if name == "active":  # which has no stamp
-            value = Change(strain.newest_ns[STRAIN] or 0, value)
+        if name == "active":  # which has no stamp: the present in the clock of the strain, as it is live
+            present_ns = strain.newest_ns[STRAIN] or 0
+            if abs(ahead_ns) <= DEFAULT_PATIENCE_S * NANOSECONDS:
+                present_ns = max(present_ns, received_ns + max(ahead_ns, 0))
+            value = Change(present_ns, value)
         found[name].append(_Arrived(value, run, before, received_ns))
     return found
 

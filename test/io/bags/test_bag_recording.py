@@ -157,6 +157,16 @@ def test_sweeps_follow_an_activity_topic_after_the_filter_has_started(tmp_path):
     assert ranges_ms(read_bag(bag, SCENE, by_status=False).sweeps) == [(1005, 1400), (1505, 1800)]
 
 
+@pytest.mark.parametrize(("clock_ms", "first_ms"), [(0, 305), (3_600_000, 205)])
+def test_strain_that_is_received_late_is_of_the_time_before_the_sweep(tmp_path, clock_ms, first_ms):
+    """With stamps of another clock than the recorder's, the newest strain is the present."""
+    late = [(topic, max(ms, 400) if ms > 200 else ms, m) for topic, ms, m in slide(0, 2000)]
+    active = STORE.types[TYPES["tactile_simulator/sweep_active"]](data=True)
+    happened = [*late, ("tactile_simulator/sweep_active", 300, active)]
+    bag = write_bag(tmp_path / "bag", [(topic, ms + clock_ms, message) for topic, ms, message in happened])
+    assert ranges_ms(read_bag(bag, SCENE, by_status=False).sweeps) == [(first_ms, 2000)]
+
+
 def test_skipped_messages_are_counted(tmp_path):
     happened = slide(0, 500) + slide(800, 1000)
     happened.insert(60, ("strain", 250, strain(100)))
