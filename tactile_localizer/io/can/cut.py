@@ -6,7 +6,7 @@ frame is before which others were lost: the first frame is the one behind the la
 as the phases of the load cells drift. Frames before the first cycle whose begin is known are in none.
 
 Without counters, a frame behind losses is not distinguishable from one that is late with the whole bus, as
-long as no other message was received twice meanwhile. It is taken as late, so that one cycle can mix samples.
+long as none was received that usually follows it. It is taken as late, so that one cycle can mix samples.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class CycleCut:
         self._behind = self.paces[0]  # message behind the largest gap within the newest cycle
         self._searched: set[Pace] = set()  # messages received since the first one is waited for
         self._begin_ns = 0  # of the newest cycle, also if its first frame was lost
-        self._repeated_ns = 0  # newest stamp of a frame whose message has sent again in the newest cycle
+        self._passed_ns = 0  # usual lag of that frame of it which is usually the last
         self._late_ns = 0  # time by which it was later in its cycle than usual
         self._gaps_ns: deque[int] = deque(maxlen=_CONFIRMATIONS)  # before the newest cycles
         self._gap_ns = 0  # largest within the newest one
@@ -152,13 +152,13 @@ class CycleCut:
             self._first, self.is_aligned, self.number = pace, True, self.number + 1
             self._begin_ns = stamp_ns - (pace.lag_ns or 0)
             self._gaps_ns.append(gap_ns)
-            self._gap_ns = self._repeated_ns = 0
+            self._gap_ns = self._passed_ns = 0
         if self.is_aligned:
             lag_ns = stamp_ns - self._begin_ns
             if pace.lag_ns is not None:
                 self._late_ns = lag_ns - pace.lag_ns
+                self._passed_ns = max(self._passed_ns, pace.lag_ns)
             pace.lag_ns, pace.cycle = lag_ns, self.number
-            self._repeated_ns = max(self._repeated_ns, pace.last_ns)
         if pace.last_ns and pace.note(stamp_ns - pace.last_ns, cycles, samples):
             self._estimate(pace, stamp_ns)
         pace.last_ns = stamp_ns
@@ -178,10 +178,10 @@ class CycleCut:
     def _is_next(self, pace: Pace, stamp_ns: int, samples: int) -> bool:
         """Whether a frame is not of the newest cycle, of which the frame of its message was lost.
 
-        If none was lost, all are late: then no other message has sent twice since its frame before.
+        If none was lost, all are late: then none was received that usually follows.
         """
-        was_lost = samples > 1 or (self._repeated_ns > pace.last_ns and pace.cycles_per_sample <= 1.0)
-        return was_lost and self._is_behind(pace, stamp_ns)
+        was_passed = (pace.lag_ns or 0) < self._passed_ns and pace.cycles_per_sample <= 1.0
+        return (samples > 1 or was_passed) and self._is_behind(pace, stamp_ns)
 
     def _is_misplaced(self) -> bool:
         """Whether cycles should begin elsewhere: the gap before another message has been larger."""

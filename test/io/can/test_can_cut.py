@@ -55,6 +55,13 @@ def test_a_cycle_whose_first_frame_is_lost_does_not_take_those_of_the_next() -> 
     assert begins == [late.get(n, (0, 10.0 * n)) for n in range(1, 60)]
 
 
+def test_a_frame_behind_one_that_follows_it_in_the_order_is_of_the_next_cycle() -> None:
+    lost = {(19, 2), (20, 1), (21, 0), (30, 1), (31, 0), (31, 1), (32, 0)}
+    begins = first_frames(CycleCut(3, 0), bursts(10.0 * np.arange(60), lost))
+    later = {21: (1, 211.0), 31: (2, 312.0), 32: (1, 321.0)}
+    assert begins == [later.get(n, (0, 10.0 * n)) for n in range(1, 60)]
+
+
 @pytest.mark.parametrize("message", range(3))
 def test_load_cells_that_send_irregularly_keep_their_cycles_if_bursts_are_starved(message: int) -> None:
     """Reception begins within a burst; the first bursts are interrupted for longer than between them."""
