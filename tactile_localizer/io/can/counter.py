@@ -94,9 +94,10 @@ class RollingCounter:
         is_late = self.is_sure and -min(MAX_LATE * step, self.span // 4) <= ahead <= 0
         if not is_late and self._wraps(value, longest):
             return 1
+        is_held = not ahead and round(expected) > 0  # of another sample, before which it did not advance
         self.jumps += self.is_sure and not is_late
         self._add_unusual(ahead)
-        return samples if is_late else 1
+        return samples if is_late and not is_held else 1
 
     def _wraps(self, value: int, longest: float) -> bool:
         """Whether the counter began again with its lowest value after its highest, in time."""
@@ -104,7 +105,8 @@ class RollingCounter:
         lowest, highest = self._lowest, max(self._highest, self.newest)
         self._note_ends(value)
         at_ends = value < lowest + self.step and self.newest > highest - self.step
-        if not at_ends or self.newest - value < _LEARNED_FROM * self.step - 1 or longest >= 1.5:
+        is_run = self.is_sure and self.newest - value >= _LEARNED_FROM * self.step - 1
+        if not at_ends or not is_run or longest >= 1.5:
             return False
         if self.step < _SHORTEST_TIMER:
             self.span = self.newest + self.step - value

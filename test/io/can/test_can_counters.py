@@ -98,6 +98,23 @@ def test_a_counter_of_any_kind_is_used(tmp_path: Path, kind: str) -> None:
     assert (one.counts.drops, one.counts.jumps, one.counts.counter) == (4, 0, "")
 
 
+@pytest.mark.parametrize("held", [2, 4])
+@pytest.mark.parametrize("parts", ["a", "ab"])
+def test_a_counter_that_advances_once_in_several_samples_costs_none(
+    tmp_path: Path, held: int, parts: str
+) -> None:
+    one = received(Sender(hand(tmp_path, parts=parts), lambda n, k: n // held))
+    assert one.complete >= 299
+    assert (one.counts.drops, one.counts.jumps, one.frames[FrameKind.DUPLICATE]) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("first", range(3))
+def test_a_counter_of_all_frames_wraps_with_its_bits(tmp_path: Path, first: int) -> None:
+    one = received(Sender(hand(tmp_path, 4, parts="a"), lambda n, k: 3 * n + first, 4))
+    assert one.complete >= 299
+    assert (one.counts.drops, one.counts.jumps, one.counts.counter) == (0, 0, "")
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_is_lost_while_the_usual_advance_is_learned(tmp_path: Path, kind: str) -> None:
     """Although the first frames come in lumps, of which the time tells nothing."""
