@@ -106,7 +106,8 @@ def _choose(
     chosen = []
     for phalanx in phalanges:
         pattern = re.compile(re.escape(phalanx) + r"(_([A-Za-z]|\d+))?")
-        own = list(messages.get(phalanx, ())) or list(dict.fromkeys(filter(pattern.fullmatch, names)))
+        named = sorted(set(filter(pattern.fullmatch, names)), key=lambda name: (len(name), name))
+        own = list(messages.get(phalanx, ())) or named
         if not own:
             raise CanError(
                 f"phalanx {phalanx!r}: expected a message {phalanx} or {phalanx}_a, {phalanx}_b, ... in the "
@@ -159,13 +160,15 @@ def _check(name: str, blocks: Blocks) -> None:
 
 
 def _check_types(plain: str, blocks: Blocks, messages: Sequence[Message]) -> None:
-    """Refuse integers that may be floats: the type of a signal of their name is that of no message."""
+    """Refuse integers that may be floats: a type is that of no signal, but of their name or their message."""
     known = {(block["number"], signal) for _, block in blocks for signal, *_ in _SIGNAL.findall(block[0])}
-    stray = {name: number for number, name in _FLOAT.findall(plain) if (number, name) not in known}
-    for message in messages:
-        for signal in message.signals:
-            if signal.name in stray and not signal.is_float and signal.length in (32, 64):
-                raise CanError(
-                    f"signal {signal.name!r} of {message.name}: expected its type in SIG_VALTYPE_, found "
-                    f"that of message {stray[signal.name]}, which is not in the DBC or lacks the signal"
-                )
+    numbers = {name: block["number"] for name, block in blocks}
+    for number, name in dict.fromkeys(_FLOAT.findall(plain)):
+        for message in messages if (number, name) not in known else ():
+            for signal in message.signals:
+                is_meant = name == signal.name or number == numbers[message.name]
+                if is_meant and not signal.is_float and signal.length in (32, 64):
+                    raise CanError(
+                        f"signal {signal.name!r} of {message.name}: expected its type in SIG_VALTYPE_, found "
+                        f"that of {name!r} of message {number}, which is not in the DBC"
+                    )

@@ -174,8 +174,9 @@ def _check(message: Message, signal: Signal) -> None:
     where = f"signal {signal.name!r} of {message.name}"
     if signal.multiplexer_ids or signal.multiplexer_signal:
         raise CanError(f"{where}: expected it in every frame, it is multiplexed")
-    if signal.length > 64:
-        raise CanError(f"{where}: expected at most 64 bits, found {signal.length}")
+    if signal.length > 64 or (signal.is_float and signal.length not in (16, 32, 64)):
+        expected = "a float of 16, 32 or 64" if signal.is_float else "at most 64"
+        raise CanError(f"{where}: expected {expected} bits, found {signal.length}")
     if not signal.scale or not math.isfinite(signal.scale):
         raise CanError(f"{where}: expected a scale other than 0, found {signal.scale}")
     lowest, highest = signal.minimum or 0, signal.maximum or 0

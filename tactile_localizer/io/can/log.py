@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import islice
 from pathlib import Path
 
 import can
 import numpy as np
 
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ScanError, listed
 from tactile_localizer.io.can.assembler import BusCounts, Cycle, CycleAssembler
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.status import FAULT, SATURATED
 
-_BATCH = 1000
-"""Frames between two reports of the progress."""
+_PROGRESS_FRAMES = 1000
+"""Number of frames between two reports of the progress."""
 
 
 def read_log(
@@ -46,8 +45,8 @@ def read_log(
     """
     assembler, notes, cycles = CycleAssembler(protocol), [], []
     try:
-        for batch in _batches(Path(path), channel, progress):
-            cycles += assembler.feed(batch)
+        for frame in _frames(Path(path), channel, progress):
+            cycles += assembler.feed([frame])
     except ScanError:
         raise
     except Exception as error:  # readers raise many types of exceptions
@@ -63,18 +62,23 @@ def read_log(
     return np.array([cycle.stamp_ns for cycle in cycles]), strain, notes
 
 
-def _batches(path: Path, channel: str, progress: Callable[[str, float], None]) -> Iterator[list[can.Message]]:
+def _frames(path: Path, channel: str, progress: Callable[[str, float], None]) -> Iterator[can.Message]:
     size, channels = max(1, path.stat().st_size), set()
     with can.LogReader(path, relative_timestamp=False) as reader:
-        frames = iter(reader)
-        while batch := list(islice(frames, _BATCH)):
-            channels |= {str(frame.channel) for frame in batch if frame.channel is not None}
+        for number, frame in enumerate(reader):
+            if frame.channel is not None:
+                channels.add(str(frame.channel))
             if not channel and len(channels) > 1:
                 raise ScanError(f"{path}: expected one channel, found {', '.join(sorted(channels))}")
-            yield [frame for frame in batch if channel in ("", str(frame.channel))]
+            if getattr(reader, "timestamps_format", None) == "relative":
+                raise ScanError(f"{path}: expected absolute time stamps, found relative ones")
+            if channel in ("", str(frame.channel)):
+                yield frame
             file = getattr(reader, "file", None)
-            if file is not None and not file.closed:
+            if not number % _PROGRESS_FRAMES and file is not None and not file.closed:
                 progress(str(path), min(1.0, getattr(file, "buffer", file).tell() / size))
+    if channel and channel not in channels:
+        raise ScanError(f"{path}: expected the channel {channel}, found {listed(sorted(channels))}")
 
 
 def _usable(protocol: LoadCellProtocol, cycle: Cycle) -> np.ndarray:

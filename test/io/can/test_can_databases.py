@@ -95,7 +95,18 @@ BAD_DATABASES = {
         "gauge_2 and gauge_1 are overlapping",
     ),
     "an empty range": (CLASSIC.replace("[-2.048|2.04775]", "[2|-2]"), r"below the maximum, found \[2\|-2\]"),
-    "floats of another message": (HEAD + FLOATS_OF_ANOTHER, "'gauge_1' of index.*found that of message 17"),
+    "floats of another message": (
+        HEAD + FLOATS_OF_ANOTHER,
+        "'gauge_1' of index.*found that of 'gauge_1' of message 17",
+    ),
+    "a type of an unknown signal": (
+        HEAD + FLOATS_OF_ANOTHER.replace("17 gauge_1 : 1", "16 Gauge_1 : 1"),
+        "'gauge_1' of index.*found that of 'Gauge_1' of message 16",
+    ),
+    "floats of 24 bits": (
+        HEAD + FLOATS_OF_ANOTHER.replace("0|32", "0|24").replace("_ 17 gauge", "_ 16 gauge"),
+        "'gauge_1' of index: expected a float of 16, 32 or 64 bits, found 24",
+    ),
     "an empty file": ("", "expected a DBC file, found no messages"),
     "80 bits": (
         CLASSIC.replace("gauge_1 : 0|14@1-", "gauge_1 : 0|80@1-"),
@@ -254,11 +265,14 @@ def test_signals_of_one_name_in_each_message_are_channels(
 
 
 def test_messages_of_a_phalanx_are_numbered(tmp_path: Path) -> None:
-    text = taxels(12) + 'BO_ 99 index_tip: 8 hand\n SG_ x : 0|16@1- (1,0) [0|0] "V" hand\n'
+    head, *messages = taxels(12).split("BO_ ")
+    text = "BO_ ".join([head, *sorted(messages, key=lambda one: one.split()[1])])  # 0, 1, 10, 11, 2, ...
+    text += 'BO_ 99 index_tip: 8 hand\n SG_ x : 0|16@1- (1,0) [0|0] "V" hand\n'
     hand = LoadCellProtocol(
         write_dbc(tmp_path / "own.dbc", text), ["index"], names=SignalNames(("x", "y", "z"))
     )
     assert hand.channels.size == 36
+    assert [message.definition.name for message in hand.messages] == [f"index_{n}" for n in range(12)]
 
 
 def test_boards_of_one_kind_share_a_message(tmp_path: Path) -> None:

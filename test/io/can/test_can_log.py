@@ -14,6 +14,10 @@ from tactile_localizer.io.can.log import read_log
 
 HAND = protocol()
 SUFFIXES = ("log", "asc", "blf", "trc")
+RELATIVE_ASC = (
+    b"date Mon Nov 23 10:11:12.345 am 2026\nbase hex  timestamps relative\ninternal events logged\n"
+    b"   0.010000 1  102             Rx   d 8 00 00 00 00 00 00 00 00\n"
+)
 
 
 def recorded(path: Path, frames: list[can.Message], channel: str | int = 0) -> Path:
@@ -56,12 +60,14 @@ def test_what_is_no_strain_is_missing_and_losses_are_noted(tmp_path: Path) -> No
     assert notes == [f"{path}: 1 frames of index lost"]
 
 
-def test_a_log_that_was_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
-    path = recorded(tmp_path / "sweep.log", frames_of(range(1000)), "can0")
-    path.write_text(path.read_text() + "(1700000005.0")
-    _, strain, (note,) = read_log(path, HAND)
-    assert len(strain) >= 998
-    assert f"{path}: expected a log that python-can reads" in note
+def test_a_damaged_log_is_read_up_to_there(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "sweep.log", frames_of(range(1001)), "can0")
+    whole = path.read_text()
+    for damage in ("(1700000005.0", "(1700000005.0\n" + whole):
+        path.write_text(whole + damage)
+        _, strain, (note,) = read_log(path, HAND)
+        assert len(strain) >= 999
+        assert f"{path}: expected a log that python-can reads" in note
 
 
 @pytest.mark.parametrize(
@@ -74,6 +80,7 @@ def test_a_log_that_was_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
         ("sweep.log", b"(1.0) can0 700#00\n", "none of 1 frames has an identifier of the DBC"),
         ("sweep.log", b"(1.0) can0 102#00\n", "0x102 index_a: 1 bytes instead of 8"),
         ("sweep.log", b"(1.0) can0 102#00\n(1.1) can1 102#00\n", "expected one channel, found can0, can1"),
+        ("sweep.asc", RELATIVE_ASC, "expected absolute time stamps, found relative ones"),
     ],
 )
 def test_a_log_without_strain_is_refused_with_the_reason(
@@ -89,3 +96,5 @@ def test_one_of_several_channels_is_read(tmp_path: Path) -> None:
     path = recorded(tmp_path / "sweep.log", frames_of(range(100)), "can1")
     path.write_text("".join(line + line.replace("can1", "can0") for line in path.open()))
     assert len(read_log(path, HAND, "can1")[1]) >= 98
+    with pytest.raises(ScanError, match="expected the channel can7, found can0, can1"):
+        read_log(path, HAND, "can7")
