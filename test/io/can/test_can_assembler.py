@@ -150,7 +150,7 @@ def test_a_sample_that_is_late_is_in_its_cycle_if_nothing_else_was_received_mean
 def test_reordered_and_duplicate_frames_are_used_once() -> None:
     frames = [frame for n in range(10) for frame in cycle(HAND, n)[::-1]]
     frames[21:21] = [frames[20]]  # repeated while its sample is incomplete
-    frames[30:30] = [delayed(frames[28], PERIOD_NS)]  # and afterwards
+    frames[30:30] = [delayed(frames[28], PERIOD_NS // 4)]  # and afterwards
     assembler = started()
     assert samples(assembled(frames, assembler)) == [[n, n] for n in range(10)]
     assert assembler.counts.frames[FrameKind.DUPLICATE] == 2
