@@ -52,7 +52,7 @@ class StrainSource:
     phalanx : name of the phalanx
     topic, kind : topic and type of the messages
     field : field of the values, with dots between nested fields; of an array of messages, that of each, or
-        of one, whose number from 0 stands in place of a name
+        of one, whose number from 0 stands in place of a name. A message of numbers gives all its fields
     channels : number of channels
     scale : factor to the unit of the scan
     """
@@ -74,9 +74,6 @@ class StrainSource:
         """
         try:
             found = _values(message, self.field.split("."))
-            if self.kind == WRENCH:
-                (wrench,) = found
-                found = [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"]
             values = self.scale * np.hstack([[], *found]).astype(np.float64)
         except (AttributeError, IndexError, TypeError, ValueError):
             raise MeasurementError(f"{self.topic}: expected numbers in field {self.field}") from None
@@ -88,11 +85,16 @@ class StrainSource:
 
 def _values(value: Any, names: Sequence[str]) -> list[Any]:
     """Values of a nested field, of every element of an array of messages, or of the one with a number."""
-    for depth, name in enumerate(names):
-        if isinstance(value, list) and not name.isdecimal():
-            return [found for each in value for found in _values(each, names[depth:])]
-        value = value[int(name)] if name.isdecimal() else getattr(value, name)
-    return [value]
+    name, *rest = names or ("",)
+    if isinstance(value, list) and not name.isdecimal():
+        return [found for each in value for found in _values(each, names)]
+    if name:
+        return _values(value[int(name)] if name.isdecimal() else getattr(value, name), rest)
+    if hasattr(value, "get_fields_and_field_types"):  # received by rclpy; those of rosbags have a __dict__
+        fields = value.get_fields_and_field_types()
+    else:
+        fields = [field for field in getattr(value, "__dict__", ()) if not field.startswith("_")]
+    return [found for field in fields for found in _values(getattr(value, field), ())] or [value]
 
 
 class StrainVector(NamedTuple):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.errors import MeasurementError, ParameterError
+from tactile_localizer.io.bags.reader import typestore
 from tactile_localizer.io.status import MISSING, OK
 from tactile_localizer.io.strain_adapter import adapter_from_dict, load_adapter
 
@@ -61,6 +62,28 @@ def test_a_field_of_each_element_of_an_array_is_a_channel():
     for field in ("rows.value", "rows.3.values", "rows.values.x"):
         with pytest.raises(MeasurementError, match=f"expected numbers in field {field}"):
             fed(field, 5, arrays)
+
+
+def test_a_message_of_numbers_has_a_channel_for_each_of_its_fields():
+    """As ``Vector3``, alone or in arrays; from rclpy, whose messages have slots, or from rosbags."""
+
+    class Received:
+        __slots__ = ("_x", "_y", "_z")
+        x, y, z = 4.0, 5.0, 6.0
+
+        def get_fields_and_field_types(self):
+            return {"x": "double", "y": "double", "z": "double"}
+
+    def fed(field, channels, **fields):
+        entry = {"topic": "a", "type": "own/msg/Skin", "field": field, "channels": channels}
+        return adapter(index=entry).feed("a", Message(**fields), 1).strain.tolist()
+
+    vectors = [typestore().types["geometry_msgs/msg/Vector3"](x=1.0, y=2.0, z=3.0), Received()]
+    assert fed("force", 3, force=vectors[1]) == [4, 5, 6]
+    assert fed("taxels", 6, taxels=vectors) == [1, 2, 3, 4, 5, 6]
+    assert fed("rows.taxels", 12, rows=[Message(taxels=vectors)] * 2) == [1, 2, 3, 4, 5, 6] * 2
+    with pytest.raises(MeasurementError, match="expected numbers in field named"):
+        fed("named", 2, named=Message(name="pad", x=1.0))
 
 
 def test_other_phalanges_contribute_recent_values():

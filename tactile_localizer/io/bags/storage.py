@@ -5,12 +5,14 @@ Only wanted topics are read, whatever else is in the bag. What a file promises a
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import sqlite3
+import struct
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from itertools import chain, pairwise
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
@@ -18,6 +20,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 import yaml
 import zstandard
+from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
 from tactile_localizer.errors import ScanError, listed
@@ -25,8 +28,11 @@ from tactile_localizer.io.recording import BAG_EXTENSIONS
 
 _METADATA = "metadata.yaml"
 _EXPECTED = "expected a bag (*.mcap, *.db3, or a folder of them), found"
+_ROS_1 = "one of ROS 1 (rosbags-convert makes a bag of ROS 2)"
 _PART = re.compile(r"(.*)_(\d+)\.[^_]*")
 """Name of a file of a bag in parts, which rosbag2 numbers."""
+_MCAP = b"\x89MCAP0\r\n"
+"""First and last bytes of an MCAP file; a recorder that is killed does not write the last ones."""
 _JUMP_NS = 500_000_000
 """ns by which a time of receipt is earlier than the one before in its topic where the clock was set back."""
 _LOG_HEADER_BYTES, _PAGE_HEADER_BYTES = 32, 24
@@ -138,7 +144,8 @@ def _in_order(messages: list[Message]) -> list[Message]:
 
 def _read_file(path: Path, is_wanted: IsWanted) -> Contents:
     if not (path.is_file() and path.name.endswith(BAG_EXTENSIONS)):
-        raise ScanError(f"{path}: {_EXPECTED} {'another file' if path.exists() else 'none'}")
+        other = _ROS_1 if path.suffix == ".bag" else "another file"
+        raise ScanError(f"{path}: {_EXPECTED} {other if path.exists() else 'none'}")
     with path.open("rb") as file:
         if path.suffix == ".zstd":
             with TemporaryDirectory() as folder:
@@ -162,7 +169,9 @@ def _unpacked(packed: BinaryIO, path: Path) -> Path:
 
 def _read_mcap(file: BinaryIO, is_wanted: IsWanted) -> Contents:
     reader = make_reader(file, validate_crcs=True)
-    summary = reader.get_summary()
+    file.seek(-len(_MCAP), os.SEEK_END)
+    is_whole = file.read() == _MCAP
+    summary = reader.get_summary() if is_whole else None
     topics: dict[int, Topic] = {}
     promised = Counter[str]()
 
@@ -183,13 +192,15 @@ def _read_mcap(file: BinaryIO, is_wanted: IsWanted) -> Contents:
         file.seek(0)
         reader = NonSeekingReader(file, validate_crcs=True)
     wanted = {topic.name for topic in topics.values() if is_wanted(topic.name)} if topics else None
-    messages = [
-        Message(topic_of(channel, schema), message.log_time, message.data)
-        for schema, channel, message in reader.iter_messages(wanted, log_time_order=False)
-        if is_wanted(channel.topic)
-    ]
+    messages = []
+    with suppress(*() if is_whole else (EndOfFile, struct.error)):
+        for schema, channel, message in reader.iter_messages(wanted, log_time_order=False):
+            topic = topic_of(channel, schema)
+            if is_wanted(topic.name):
+                messages.append(Message(topic, message.log_time, message.data))
     _require_all(promised, messages, is_wanted)
-    return Contents(list(topics.values()), messages, [])
+    note = f"{PurePath(file.name).name} ends within the recording: the last messages are missing"
+    return Contents(list(topics.values()), messages, [] if is_whole else [note])
 
 
 def _read_sqlite(path: Path, is_wanted: IsWanted) -> Contents:

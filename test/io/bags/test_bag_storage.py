@@ -144,6 +144,25 @@ def test_a_compressed_file_is_read_without_its_metadata(tmp_path, storage):
         read_bag(file, SCENE)
 
 
+@pytest.mark.parametrize("place", [0.3, 0.7, 0.95])
+def test_a_killed_recorder_leaves_an_mcap_file_whose_whole_chunks_are_read(tmp_path, place):
+    chunks = {"chunk_size": 2000, "use_chunking": True}
+    path = copied(write_bag(tmp_path / "bag", slide(0, 2000), "mcap"), tmp_path / "cut.mcap", None, **chunks)
+    whole, content = read_bag(path, SCENE), path.read_bytes()
+    path.write_bytes(content[: round(place * len(content))])
+    found = read_bag(path, SCENE)
+    assert found.notes[0] == "cut.mcap ends within the recording: the last messages are missing"
+    assert place * len(whole) * 0.7 < len(found) <= len(whole)
+    begun = whole.sweeps[0].stamp_ns[: len(found)]
+    np.testing.assert_array_equal(found.sweeps[0].stamp_ns, begun)
+
+
+def test_a_bag_of_ros_1_is_named_with_what_converts_it(tmp_path):
+    (tmp_path / "old.bag").write_bytes(b"#ROSBAG V2.0")
+    with pytest.raises(ScanError, match=r"old.bag: expected a bag .*, found one of ROS 1 \(rosbags-convert"):
+        read_bag(tmp_path / "old.bag", SCENE)
+
+
 def test_files_that_the_metadata_name_are_all_there(tmp_path):
     bag = write_bag(tmp_path / "bag", slide(0, 1000))
     file_of(bag).rename(tmp_path / "elsewhere.mcap")
