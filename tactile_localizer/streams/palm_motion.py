@@ -7,20 +7,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.scene import Axis
 from tactile_localizer.streams.runs import NANOSECONDS
 
 _STILL, _STILL_S = 1e-5, 0.5
-"""Range of positions that do not change, m (yaw: rad), less than a load cell resolves; shortest time, s."""
+"""Range of positions that do not change, m, less than a load cell resolves; shortest time, s."""
 _MIN_COUNT = 5
 """Number of positions, jumps or steps below which nothing is reported."""
 _OFF, _ACCELERATION = 0.002, 10.0
-"""Distance from the line through its neighbours, m (yaw: rad), and acceleration of a hand, m/s^2, beyond
-which a position jumps."""
+"""Distance from the line through its neighbours, m, and acceleration of a hand, m/s^2, beyond which a
+position jumps."""
 _JUMPING = 0.05
 """Fraction of the positions that jump where there are two sources."""
 _HELD_S, _STEP = (0.025, 0.3), 0.0005
-"""Shortest and longest time for which positions are held, s, and length of the steps, m (yaw: rad)."""
+"""Shortest and longest time for which positions are held, s, and length of the steps, m."""
 _BETWEEN = 3
 """Number of positions from one that is held to the next where it is a step, not a motion."""
 _HELD = 0.5
@@ -37,20 +38,29 @@ def describe_motion(
 
     Parameters
     ----------
-    axes : the d axes; the motion is that in x and y, or in yaw if there is no other axis
+    axes : the d axes; the motion is that in x and y, and that of a fingertip where the palm turns
     stamp_ns : (n,) rising stamps, ns, of measured poses rather than of strain between them
     position : (n, d) palm positions, m (yaw: rad), finite
     moves : whether it is implausible that the palm is at rest all the time
     """
-    columns = [column for column, axis in enumerate(axes) if axis.name != "yaw"]
-    place, factor, unit = (position[..., columns], 1e3, " mm") if columns else (position, 1.0, " rad")
-    if len(place) < _MIN_COUNT:
+    if len(position) < _MIN_COUNT:
         return ""
-    if (np.ptp(place, axis=0) < _STILL).all():
+    turns = np.array([axis.name == "yaw" for axis in axes])
+    motions = (
+        (position[:, ~turns], 1e3, " mm"),
+        (YAW_LEVER * np.unwrap(position[:, turns], axis=0), 1.0 / YAW_LEVER, " rad"),
+    )
+    there = [motion for motion in motions if motion[0].shape[1]]
+    if (np.ptp(there[0][0], axis=0) < _STILL).all():
         lasting_s = (stamp_ns[-1] - stamp_ns[0]) / NANOSECONDS
         return (
             f"the position does not change over {lasting_s:.1f} s" if moves and lasting_s >= _STILL_S else ""
         )
+    return next(filter(None, (_implausible(stamp_ns, *motion) for motion in there)), "")
+
+
+def _implausible(stamp_ns: np.ndarray, place: np.ndarray, factor: float, unit: str) -> str:
+    """What is implausible about places (n, 1 or 2), m, which are shown in ``unit`` after times ``factor``."""
     step, period_s = np.diff(place, axis=0), np.diff(stamp_ns) / NANOSECONDS
     before, after = period_s[:-1], period_s[1:]
     across = np.linalg.norm(step[:-1] + step[1:], axis=1)

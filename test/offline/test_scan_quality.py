@@ -39,7 +39,7 @@ def test_dead_channels_are_reported_in_one_line(sound):
 
 
 def test_a_sweep_that_ended_early_is_reported(sound):
-    sweep = RecordedSweep(1, *[np.zeros(100)] * 4, ending="ended early")
+    sweep = RecordedSweep(1, np.zeros(100), *[np.zeros((100, 2))] * 3, ending="ended early")
     found = findings(sound, SCENE, [sweep, replace(sweep, number=2, ending="ended")])
     assert found == ["recording ended early: sweep 1"]
 

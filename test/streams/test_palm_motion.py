@@ -10,9 +10,10 @@ PLANE = (Axis("x", -1.0, 1.0), Axis("y", -1.0, 1.0), Axis("yaw", -1.0, 1.0))
 YAW = PLANE[2:]
 
 
-def described(seconds, x, axes=PLANE, **options):
+def described(seconds, x, axes=PLANE, yaw=0.0, **options):
     stamp_ns = np.round(np.asarray(seconds) * 1e9).astype(np.int64) + 1_764_000_000 * 10**9
-    position = np.column_stack([x, np.zeros((len(x), len(axes) - 1))])
+    values = {"x": x, "y": 0.0, "yaw": yaw}
+    position = np.column_stack([np.broadcast_to(values[axis.name], len(seconds)) for axis in axes])
     return describe_motion(axes, stamp_ns, position, **options)
 
 
@@ -23,12 +24,14 @@ def strokes(seconds):
 
 @pytest.mark.parametrize("lag_s", [0.001, 0.003, 0.005])
 @pytest.mark.parametrize("axes", [PLANE, YAW])
-def test_two_sources_are_described_by_their_distance(lag_s, axes):
+@pytest.mark.parametrize(("x", "yaw", "size"), [(0.02, 0.0, "20 mm"), (0.0, 0.2, "0.2 rad")])
+def test_two_sources_are_described_by_their_distance(lag_s, axes, x, yaw, size):
     seconds = np.sort(np.concatenate([np.arange(0, 5, 0.01), np.arange(lag_s, 5, 0.01)]))
     second = np.abs(seconds / 0.01 - np.round(seconds / 0.01)) > 1e-6
-    text = described(seconds, strokes(seconds) + 0.02 * second, axes)
-    size = "20 mm" if axes is PLANE else "0.02 rad"
-    assert text == f"the position jumps by {size} within {1e3 * lag_s:.2g} ms and back: two sources, or noise"
+    turned = np.remainder(3.0 + strokes(seconds) + yaw * second + np.pi, 2.0 * np.pi) - np.pi
+    text = described(seconds, strokes(seconds) + x * second, axes, turned)
+    jumps = f"the position jumps by {size} within {1e3 * lag_s:.2g} ms and back: two sources, or noise"
+    assert text == (jumps if yaw or axes is PLANE else "")
 
 
 @pytest.mark.parametrize("period_s", [0.002, 0.005, 0.01])

@@ -104,12 +104,12 @@ def _read_file(
         table = strain(path)
     label, notes = _sweep_numbers(path, table), table.notes
     if pose_path is None:
-        notes += _yaw_notes(path, axes, table)
+        notes += _yaw_notes(path, naming, axes, table)
         position, found, run, truth = _of_rows(scene, naming, axes, table, label)
     else:
         stamp = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
         poses = read_table(pose_path, scene, naming, stamp, axes, {})
-        notes += [*poses.notes, *_yaw_notes(pose_path, axes, poses)]
+        notes += [*poses.notes, *_yaw_notes(pose_path, naming, axes, poses)]
         notes += late_notes(runs_of(poses.stamp_ns), f"rows of {pose_path}")
         notes += pose_notes(str(pose_path), scene.axes, table.stamp_ns, *poses[:2], max_gap_s)
         pair = partial(pair_recorded, scene.axes, table.stamp_ns, poses.stamp_ns, max_gap_s=max_gap_s)
@@ -154,12 +154,14 @@ def _truth(scene: Scene, table: Table) -> np.ndarray | None:
     return np.column_stack(known) if len(known) == scene.dimension else None
 
 
-def _yaw_notes(path: Path, axes: Mapping[str, Columns], table: Table) -> Iterator[str]:
+def _yaw_notes(path: Path, naming: ColumnNaming, axes: Mapping[str, Columns], table: Table) -> Iterator[str]:
     """A finding about yaw that seems to be in degrees, before it is wrapped."""
-    for (axis, column), values in zip(axes.items(), table.position.T, strict=True):
-        if axis == "yaw" and np.abs(values).max() > 2 * math.pi:
-            factor = f"--column yaw={column.names[0]}*{math.radians(1):.6g}"
-            yield f"{path}: yaw is {values.min():.4g} to {values.max():.4g} rad: in degrees? {factor}"
+    read = {**dict(zip(axes, table.position.T, strict=False)), **table.beside}
+    for name in read.keys() & {"yaw", TRUE["yaw"]}:
+        low, high = np.nanmin(read[name]), np.nanmax(read[name])
+        if max(-low, high, high - low) > 2 * math.pi:
+            factor = f"--column {name}={naming.of(name).names[0]}*{math.radians(1):.6g}"
+            yield f"{path}: {name} is {low:.4g} to {high:.4g} rad: in degrees? {factor}"
 
 
 def _sweep_numbers(path: Path, table: Table) -> np.ndarray:

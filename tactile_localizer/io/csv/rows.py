@@ -50,7 +50,7 @@ def read_rows(path: Path, wanted: Collection[str] = ()) -> tuple[Header, Iterato
     """The header of a file, and the line number and cells of each row behind it.
 
     The header is the first line that has the ``wanted`` columns, or most of them; it may be a comment. The
-    separator is that with which it has them: comma, semicolon, tab or blanks. Skipped are lines of text
+    separator is that with which it has them: comma, semicolon, tab, bar or blanks. Skipped are lines of text
     behind it (units), blank lines, repetitions of the header, and lines that begin with ``#`` or ``%``. The
     text is UTF-8 or UTF-16 (with a byte order mark), what is not is Latin-1; gzip may compress it.
 
@@ -79,7 +79,8 @@ def _rows(path: Path, wanted: Collection[str]) -> Iterator[Any]:
             for number, line in enumerate(chain(head[header.line :], lines), header.line + 1):
                 if (found := max(number, expected)) > most:
                     raise ScanError(
-                        f"{path}: expected at most {most} rows, found {found}; split it by sweeps"
+                        f"{path}: expected at most {most} rows, found {found}, or a file that is cut short; "
+                        "split it by sweeps"
                     )
                 if line.isspace() or line.startswith(_COMMENTS) or line == names or not line:
                     continue
@@ -127,7 +128,7 @@ def _header(head: list[str], wanted: Collection[str]) -> Header:
     known, found = set(wanted), Header([])
     best: tuple[int, ...] = ()
     last = next((line for line in reversed(head) if line.strip()), "")
-    for separator in (",", ";", "\t", " "):
+    for separator in (",", ";", "\t", "|", " "):
         width = len(_cells(last, separator)) if separator in last else 1
         for number, line in enumerate(head, 1):
             if not line.strip() or (separator not in line and separator != ","):

@@ -33,7 +33,7 @@ from tactile_localizer.scene import AXIS_NAMES, Scene
 _MAX_STAMP_NS = 2**62
 """Largest stamp: differences of stamps fit into 64 bits."""
 _DATE = re.compile(
-    r"([0-9-]{10}[T ][0-9]{2}:[0-9]{2}:[0-9]{2})([.,][0-9]+)?\s*(?:Z|UTC|([-+][0-9]{2}):?([0-9]{2})?)?"
+    r"([0-9/-]{10}[T ][0-9]{2}:[0-9]{2}:[0-9]{2})([.,][0-9]+)?\s*(?:Z|UTC|([-+][0-9]{2}):?([0-9]{2})?)?"
 )
 """Date and time in ISO 8601, fraction of a second, and hours and minutes of the time zone."""
 _FLAGS = {"true": "1", "false": "0"}
@@ -111,7 +111,8 @@ def read_table(
         values.extend(numbers)
     n, stamp_ns = len(stamps), np.array(stamps)
     if not n:
-        raise ScanError(f"{path}: expected rows of numbers, found none in {lost} rows ({first})")
+        problem = f" in {lost} rows ({first})" if lost else ""
+        raise ScanError(f"{path}: expected rows of numbers, found none{problem}")
     if n > 1 and not np.ptp(stamp_ns):
         found = f"{stamp_ns[0] * 1e-9:.6g} s in all {n} rows"
         raise ScanError(f"{path}: expected stamps that increase, found {found}")
@@ -182,6 +183,8 @@ class _Cells:
                     found += " (positions in rows of their own? pass the file by --poses too)"
                 if "," in cells[place]:
                     found += " (a decimal comma? write points, or separate by semicolons)"
+                if ":" in cells[place] and self._quantities[place] in STAMPS:
+                    found += " (a date? write it like 2024-11-25 16:00:01.5)"
                 raise ValueError(f"column {names[self._indices[place]]}: expected a number, found {found}")
         return self._numbers(plain)
 
@@ -203,7 +206,8 @@ def _plain(quantity: str, cell: str) -> str:
     """A cell as a number: that of a date in UTC, 1 for true, NaN for an empty cell that is not needed."""
     if quantity in STAMPS and (date := _DATE.fullmatch(cell)):
         with suppress(ValueError):
-            second = datetime.fromisoformat(f"{date[1]}{date[3] or '+00'}:{date[4] or '00'}").timestamp()
+            zone = f"{date[3] or '+00'}:{date[4] or '00'}"
+            second = datetime.fromisoformat(date[1].replace("/", "-") + zone).timestamp()
             return str(Decimal(second) + Decimal((date[2] or "0").replace(",", ".")))
     if quantity == FELT:
         cell = _FLAGS.get(cell.lower(), cell)

@@ -75,6 +75,7 @@ def test_names_with_commas_and_signs_can_be_given(tmp_path):
         ("sec", lambda n: (f"1969-12-31T20:30:01.{10 * n:03}-0330", 0)),
         ("sec", lambda n: (f"1970-01-01 00:00:01.{1e4 * n:06.0f} UTC", 0)),
         ("sec", lambda n: (f"1970-01-01 00:00:01,{10 * n:03}", 0)),  # as logging writes it
+        ("sec", lambda n: (f"1970/01/01 00:00:01.{10 * n:03}", 0)),
         ("sec-1732550400", lambda n: (f"2024-11-25 16:00:01.{10 * n:03}Z", 0)),
     ],
 )

@@ -195,6 +195,17 @@ def test_yaw_in_degrees_is_noticed_before_it_is_wrapped(tmp_path):
         assert "yaw is 0 to 36.63 rad: in degrees? --column yaw=heading*0.0174533" in note
     naming = naming_from_pairs(["yaw=heading*0.0174533"], ColumnNaming())
     assert read_csv(path, scene, naming).notes == ()
+    around = write_csv(tmp_path / "c.csv", ["stamp_s", "yaw"], [[row[0], 0.1 * row[1] - 1.8] for row in rows])
+    assert not read_csv(path, scene, poses=[around]).notes
+    rows = [[row[0], 0.1 * n - 5.0] for n, row in enumerate(rows)]
+    around = write_csv(tmp_path / "c.csv", ["stamp_s", "yaw"], rows)
+    (note,) = read_csv(path, scene, poses=[around]).notes
+    assert "yaw is -5 to 4.9 rad: in degrees?" in note
+    true = write_csv(
+        tmp_path / "d.csv", ["stamp_s", "yaw", "true_yaw"], [[row[0], 0.0, row[1]] for row in rows]
+    )
+    (note,) = read_csv(path, scene, poses=[true]).notes
+    assert "true_yaw is -5 to 4.9 rad: in degrees? --column true_yaw=true_yaw*0.0174533" in note
 
 
 def test_poses_of_two_sources_are_noticed(tmp_path):
