@@ -6,19 +6,22 @@ import argparse
 import errno
 import importlib
 import os
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.whole_file import RESULT, is_result, whole_file, writing
+from tactile_localizer.offline.json_file import json_text, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-STANDARD_OUTPUT = Path("-")
+_STANDARD_OUTPUT = Path("-")
 """In place of a file of ``--json``."""
 
 _PICTURES = (".pdf", ".png", ".svg")
@@ -42,8 +45,12 @@ _DPI = 120
 """Resolution of pictures."""
 
 
-def require_results(args: argparse.Namespace) -> None:
-    """Require that the files of ``--json``, ``--plot`` and ``--report`` can be made and written.
+@contextmanager
+def results(args: argparse.Namespace) -> Iterator[Callable[[Mapping[str, Any]], None]]:
+    """Context of a command whose files of ``--json``, ``--plot`` and ``--report`` can be made and written.
+
+    It gives a function that writes the document of ``--json``, if that is wanted. Where that takes standard
+    output, all else that is printed within the context goes to standard error.
 
     Raises
     ------
@@ -51,12 +58,23 @@ def require_results(args: argparse.Namespace) -> None:
         As :func:`require_writable` and :func:`require_picture`.
     """
     json, plot, report = (getattr(args, name, None) for name in ("json", "plot", "report"))
-    if json not in (None, STANDARD_OUTPUT):
+    output, takes_output = sys.stdout, json == _STANDARD_OUTPUT
+    if json is not None and not takes_output:
         require_writable(json, args)
     if plot is not None:
         require_picture(plot, args)
     if report is not None:
         require_writable(report, args, "jinja2", "matplotlib")
+
+    def write(document: Mapping[str, Any]) -> None:
+        if takes_output:
+            output.write(json_text(document))
+        elif json is not None:
+            write_json(json, document)
+            print(json)
+
+    with redirect_stdout(sys.stderr if takes_output else output):
+        yield write
 
 
 def require_writable(path: Path, args: argparse.Namespace, *libraries: str) -> None:

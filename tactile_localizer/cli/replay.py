@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from contextlib import redirect_stdout
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import STANDARD_OUTPUT, require_results, write_picture, write_report
+from tactile_localizer.cli.outputs import results, write_picture, write_report
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
@@ -30,7 +29,6 @@ from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.recording import Recording, usable
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.offline.axes import MM
-from tactile_localizer.offline.json_file import json_text, write_json
 from tactile_localizer.offline.metrics import with_contact
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.offline.replay_document import learned_values, replay_document
@@ -56,13 +54,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay and print errors, convergence and the verdict; 0 if it is a success, else 1."""
-    output = sys.stdout
-    with redirect_stdout(sys.stderr if args.json == STANDARD_OUTPUT else output):
-        return _replay(args, output)
+    with results(args) as write:
+        return _replay(args, write)
 
 
-def _replay(args: argparse.Namespace, output: TextIO) -> int:
-    require_results(args)
+def _replay(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]) -> int:
     scan, scene = scan_from_arguments(args)
     configuration = load_configuration(args.config, model=args.model, filter=args.filter)
     recording, odometry = odometry_from_arguments(args, scene, args.recordings)
@@ -76,11 +72,7 @@ def _replay(args: argparse.Namespace, output: TextIO) -> int:
     document = replay_document(
         scene, configuration, recording, sweeps, learned, verdict, odometry=odometry, seed=args.seed
     )
-    if args.json == STANDARD_OUTPUT:
-        output.write(json_text(document))
-    elif args.json is not None:
-        write_json(args.json, document)
-        print(f"{args.json}: {document['summary']['strains']} updates")
+    write(document)
     if args.plot is not None:
         from tactile_localizer.offline.figures.replay import replay_figure
 

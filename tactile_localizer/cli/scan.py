@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import require_picture, require_results, write_picture, write_report
+from tactile_localizer.cli.outputs import require_picture, results, write_picture, write_report
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.scan.scan import Scan
@@ -21,7 +22,6 @@ from tactile_localizer.offline.examination import (
     examination_document,
     examination_findings,
 )
-from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.scan_quality import findings
 from tactile_localizer.scene import Scene
 
@@ -32,7 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     info = actions.add_parser("info", help="totals, history, and findings that need attention")
     info.set_defaults(work=_info)
     info.add_argument("--report", type=Path, metavar="FILE", help="write a report to send (one HTML file)")
-    info.add_argument("--json", type=Path, metavar="FILE", help="write the examination and the findings")
+    info.add_argument(
+        "--json", type=Path, metavar="FILE", help="write examination and findings (-: as replay)"
+    )
     plot = actions.add_parser("plot", help="draw the sweeps and the tactile map")
     plot.set_defaults(work=_plot)
     text = "folder (default out/plot)"
@@ -48,7 +50,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _info(args: argparse.Namespace) -> int:
-    require_results(args)
+    with results(args) as write:
+        return _described(args, write)
+
+
+def _described(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]) -> int:
     folder = ScanFolder(args.scan)
     scene, recording = folder.scene, folder.recording()
     sweeps = recording.sweeps
@@ -75,9 +81,7 @@ def _info(args: argparse.Namespace) -> int:
     lines += [f"  examined   {line}" for line in describe_examination(scene, examination)]
     lines, found = [*map(printable, lines)], [*map(printable, (*recording.notes, *found))]
     print(*lines, "findings:" if found else "no findings", *(f"  {each}" for each in found), sep="\n")
-    if args.json is not None:
-        write_json(args.json, {"examination": examination_document(examination), "findings": found})
-        print(args.json)
+    write({"examination": examination_document(examination), "findings": found})
     if args.report is not None:
         from tactile_localizer.offline.reports.scan import scan_report
 

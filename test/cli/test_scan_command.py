@@ -1,5 +1,7 @@
 """The command `scan`."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,14 @@ def test_info_prints_totals_history_and_findings(scan, capsys):
         "sweep_0004.npy: could not be read, found a directory; the sweep is not used",
     ):
         assert text in output
+
+
+def test_standard_output_may_have_the_json_alone(scan, capsys):
+    assert main(["scan", "info", "bump_scan", "--json", "-"]) == 0
+    printed = capsys.readouterr()
+    assert any("sweep_0004.npy" in each for each in json.loads(printed.out)["findings"])
+    assert "bump_scan: 303 pairs in 3 sweeps" in printed.err
+    assert not (scan.parent / "-").exists()
 
 
 def test_names_are_drawn_literally(tmp_path, monkeypatch, capsys):
