@@ -52,14 +52,14 @@ def learned_calibration(
     digest, kept = digest_of(scan, scene), _file(Path(path), scene)
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
         with open_file(kept) as file:
-            values = json.loads(file.read(_MOST_BYTES))
-        calibration = Calibration(
-            np.array(values["registration_std"], dtype=np.float64),
-            values["variance"] and VarianceModel(**values["variance"]),
-            _examination(values["examination"]),
-        )
-        if values == _content(digest, calibration) and len(calibration.registration_std) == scene.dimension:
-            return calibration
+            content = json.loads(file.read(_MOST_BYTES))
+        learned = content["learned"]
+        if content == _content(digest, learned):
+            return Calibration(
+                np.array(learned["registration_std"]),
+                learned["variance"] and VarianceModel(**learned["variance"]),
+                _examination(learned["examination"]),
+            )
     calibration = learn(scan, scene, progress)
     store_calibration(kept, digest, calibration)
     return calibration
@@ -76,7 +76,12 @@ def _file(folder: Path, scene: Scene) -> Path:
 
 def store_calibration(path: Path, digest: str, calibration: Calibration) -> None:
     """Write a calibration to a file in the folder of a scan; a failure is logged as a warning."""
-    text = json.dumps(_content(digest, calibration), indent=2) + "\n"
+    learned = {
+        "registration_std": calibration.registration_std.tolist(),
+        "variance": calibration.variance and dataclasses.asdict(calibration.variance),
+        "examination": dataclasses.asdict(calibration.examination),
+    }
+    text = json.dumps(_content(digest, learned), indent=2) + "\n"
     try:
         with whole_file(path) as unfinished:
             unfinished.write_text(text, encoding="utf-8")
@@ -84,29 +89,21 @@ def store_calibration(path: Path, digest: str, calibration: Calibration) -> None
         _log.warning("%s; the next start calibrates again", error)
 
 
-def _content(digest: str, calibration: Calibration) -> dict[str, Any]:
-    """What the file holds; the checksum is that of what was learned."""
-    learned = {
-        "registration_std": calibration.registration_std.tolist(),
-        "variance": calibration.variance and dataclasses.asdict(calibration.variance),
-        "examination": dataclasses.asdict(calibration.examination),
-    }
-    text = json.dumps(learned)
-    return {
-        "kind": RESULT,
-        "algorithm": ALGORITHM,
-        "digest": digest,
-        **json.loads(text),
-        "checksum": zlib.crc32(text.encode()),
-    }
+def _content(digest: str, learned: dict[str, Any]) -> dict[str, Any]:
+    """What the file holds."""
+    checksum = zlib.crc32(json.dumps(learned).encode())
+    about = {"kind": RESULT, "algorithm": ALGORITHM, "digest": digest, "checksum": checksum}
+    return about | {"learned": learned}
 
 
 def _examination(values: dict[str, Any]) -> Examination:
-    """The examination of a scan from its JSON."""
-    outcomes = (
-        Outcome(**each | {name: tuple(each[name]) for name in ("error", "spread", "axes")})
-        for each in values["outcomes"]
-    )
-    scores = tuple(tuple(each) for each in values["scores"])
-    axes = tuple(values["ignorance_axes"])
-    return Examination(values["information_length"], values["ignorance"], axes, tuple(outcomes), scores)
+    """The examination of a scan from its JSON, which has lists in place of tuples."""
+    outcomes = [Outcome(**_with_tuples(each)) for each in values.pop("outcomes")]
+    return Examination(**_with_tuples(values | {"outcomes": outcomes}))
+
+
+def _with_tuples(values: dict[str, Any]) -> dict[str, Any]:
+    def converted(value: Any) -> Any:
+        return tuple(map(converted, value)) if isinstance(value, list) else value
+
+    return {name: converted(value) for name, value in values.items()}
