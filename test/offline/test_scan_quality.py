@@ -44,11 +44,23 @@ def test_a_sweep_that_ended_early_is_reported(sound):
     assert found == ["recording ended early: sweep 1"]
 
 
+def test_strain_of_two_sources_is_reported(sound):
+    rng = np.random.default_rng(0)
+    stamp_ns, x = np.arange(200) * 10_000_000, np.linspace(0.0, 0.05, 200)
+    place, signal = np.column_stack([x, x]), np.sin(100 * x)[:, None] * np.ones(8)
+    felt = signal + 0.05 * rng.standard_normal(signal.shape)
+    other = felt + 0.5 * (np.arange(200) % 2)[:, None]
+    sweeps = [RecordedSweep(n, stamp_ns, place, each, x) for n, each in enumerate((felt, other, signal), 1)]
+    assert findings(sound, SCENE, sweeps) == [
+        "strain that alternates from sample to sample, of two sources: sweep 2"
+    ]
+
+
 def test_implausible_motion_is_reported_once(sound):
     stamp_ns, x = np.arange(0, 400) * 5_000_000, np.linspace(0.0, 0.05, 400)
     moving, two = (np.column_stack([x + off, x]) for off in (0.0, 0.01 * (np.arange(400) % 2)))
     places = [moving, moving[:1] + 0 * moving, two, moving, two]
-    sweeps = [RecordedSweep(n, stamp_ns, place, x, x) for n, place in enumerate(places, 1)]
+    sweeps = [RecordedSweep(n, stamp_ns, place, x[:, None], x) for n, place in enumerate(places, 1)]
     (finding,) = findings(sound, SCENE, sweeps)
     assert finding == "the position does not change over 2.0 s (sweep 2, and 2 of 4 others are implausible)"
 
