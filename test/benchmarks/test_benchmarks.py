@@ -60,7 +60,7 @@ def bump(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bump")
     scene = shipped_scene("bump")
     save_scene(scene, folder / "scene.yaml")
-    for kind, options in (("train", {"rate": 25.0}), ("test", {"sweeps": 1})):
+    for kind, options in (("train", {"rate": 10.0}), ("test", {"sweeps": 1})):
         write_csv(folder / f"{kind}.csv", simulate_recording("bump", 1, kind, **options), scene, "truth")
     return folder
 

@@ -117,7 +117,8 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
 
 
 def test_positions_in_millimetres_are_reported_and_not_localized(bump_folder: Path, capsys) -> None:
-    assert main(["replay", "test.csv", "--scan", "bump_scan", "--column=x=x*1000", "--column=y=y*1000"]) == 1
+    write_short(400)
+    assert main(["replay", "short.csv", "--scan", "bump_scan", "--column=x=x*1000", "--column=y=y*1000"]) == 1
     printed = capsys.readouterr().out
     assert "note: 100% of the positions" in printed
     assert "NOT localized" in printed

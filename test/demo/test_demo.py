@@ -22,34 +22,33 @@ from tactile_localizer.scene import Axis, Phalanx, Scene
 pytestmark = pytest.mark.ros
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGHUP], ids=["Ctrl-C", "the terminal closed"])
-def test_an_interrupt_stops_all_processes(process, tmp_path, how):
-    if signal.getsignal(how) is signal.SIG_IGN:
-        pytest.skip("the tests were started by nohup, which the demo heeds too")
+def test_an_interrupt_stops_all_processes(process, tmp_path):
     demo = process(["tactile-localizer", "demo", "--out", tmp_path / "demo", "--speed", "12"])
     demo.wait_for_line("scanning", timeout_s=90.0)
     nodes = children(demo.pid)
     assert len(nodes) == 3
-    assert demo.stop(how, timeout_s=30.0) == 130
+    assert demo.stop(timeout_s=30.0) == 130
     assert all(map(has_ended, nodes))
     assert "Traceback" not in demo.output
 
 
-def test_an_interrupt_lets_what_runs_finish():
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGHUP], ids=["Ctrl-C", "the terminal closed"])
+def test_an_interrupt_lets_what_runs_finish(how):
     from tactile_localizer.demo.session import Operator
 
+    if (before := signal.getsignal(how)) is signal.SIG_IGN:
+        pytest.skip("the tests were started by nohup, which the demo heeds too")
     finished = []
 
     def interrupted():
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), how)
         finished.append(True)
 
-    before = signal.getsignal(signal.SIGINT)
     with contextlib.closing(Operator(lambda *_: None, check=lambda: None)) as operator:
         with pytest.raises(KeyboardInterrupt):
             operator.until(interrupted, "an interrupt")
         assert finished == [True]
-    assert signal.getsignal(signal.SIGINT) is before
+    assert signal.getsignal(how) is before
 
 
 def test_a_recording_that_is_late_slows_the_hand_down_and_keeps_the_times_of_sending(monkeypatch):

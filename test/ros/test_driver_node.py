@@ -126,13 +126,6 @@ def test_an_invalid_configuration_is_rejected_in_one_line(
     assert reason in line
 
 
-def test_an_invalid_configuration_ends_the_process(node_process: Callable[..., Any]) -> None:
-    node = node_process("driver_node", parameters={"dbc": "/nowhere/hand.dbc"})
-    assert node.wait() == 2
-    assert "/nowhere/hand.dbc: expected a DBC file" in node.output
-    assert len(node.lines) == 1
-
-
 def test_each_cycle_is_one_message_with_its_receive_time(
     node_process: Callable[..., Any], parameters: dict[str, Any], hand: Hand, probe: Any
 ) -> None:

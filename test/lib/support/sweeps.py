@@ -30,12 +30,17 @@ CALIBRATION = Calibration(
 
 
 def write_scan(
-    path: Path, feature: str = "bump", scene: Scene | None = None, *, calibrated: bool = True
+    path: Path,
+    feature: str = "bump",
+    scene: Scene | None = None,
+    *,
+    calibrated: bool = True,
+    sweeps: int | None = None,
 ) -> None:
-    """Write a training scan of the simulated hand, with a calibration or not."""
+    """Write a training scan of the simulated hand, or its first sweeps, with a calibration or not."""
     scene = scene or shipped_scene(feature)
     with ScanWriter(path, scene) as writer:
-        for number, sweep in enumerate(_simulated(feature).sweeps, start=1):
+        for number, sweep in enumerate(_simulated(feature).sweeps[:sweeps], start=1):
             writer.add(dataclasses.replace(sweep, number=number))
     if calibrated and scene.dimension == len(CALIBRATION.registration_std):
         store_calibration(path / FILE, digest_of(ScanFolder(path).load(), scene), CALIBRATION)

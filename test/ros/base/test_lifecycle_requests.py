@@ -15,8 +15,8 @@ def state_of(probe, node):
 
 @pytest.fixture
 def uncalibrated(tmp_path):
-    """A scan without a stored calibration."""
-    write_scan(tmp_path / "bump_scan", calibrated=False)
+    """A small scan without a stored calibration."""
+    write_scan(tmp_path / "bump_scan", calibrated=False, sweeps=8)
     return tmp_path / "bump_scan"
 
 

@@ -100,11 +100,17 @@ def is_rejected(node, transition):
 
 @pytest.mark.parametrize("state", WAYS)
 def test_each_transition_from_each_state(make, state):
+    node = make(*WAYS[state])
+    assert state_of(node) == state
     for transition in TRANSITIONS:
-        node = make(*WAYS[state])
-        assert state_of(node) == state
-        assert is_rejected(node, transition) == ((state, transition) not in VALID)
-        assert state_of(node) == VALID.get((state, transition), state)
+        if (state, transition) not in VALID:
+            assert is_rejected(node, transition)
+            assert state_of(node) == state
+    for transition in TRANSITIONS:
+        if (state, transition) in VALID:
+            node = make(*WAYS[state])
+            assert not is_rejected(node, transition)
+            assert state_of(node) == VALID[state, transition]
 
 
 def test_transitions_leave_nothing_behind(make):
