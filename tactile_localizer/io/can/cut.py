@@ -115,6 +115,7 @@ class CycleCut:
         self._passed_ns = 0  # usual lag of that frame of it which is usually the last
         self._late_ns = 0  # time by which it was later in its cycle than usual
         self._gaps_ns: deque[int] = deque(maxlen=_CONFIRMATIONS)  # before the newest cycles
+        self._durations_ns: deque[int] = deque(maxlen=_CONFIRMATIONS)  # of the newest cycles
         self._gap_ns = 0  # largest within the newest one
 
     def restart(self, first: Pace | None = None) -> None:
@@ -150,7 +151,9 @@ class CycleCut:
         cycles = self.number + begins - pace.cycle
         if begins:
             self._first, self.is_aligned, self.number = pace, True, self.number + 1
-            self._begin_ns = stamp_ns - (pace.lag_ns or 0)
+            begin_ns = stamp_ns - (pace.lag_ns or 0)
+            self._durations_ns.append(begin_ns - self._begin_ns if self._begin_ns else gap_ns)
+            self._begin_ns = begin_ns
             self._gaps_ns.append(gap_ns)
             self._gap_ns = self._passed_ns = 0
         if self.is_aligned:
@@ -168,12 +171,29 @@ class CycleCut:
         """Number of cycles from the newest frame of a message to one received at ``stamp_ns``."""
         return self.number - pace.cycle + self._is_behind(pace, stamp_ns)
 
+    def is_of_previous(self, pace: Pace, stamp_ns: int) -> bool:
+        """Whether a frame is of the cycle before, which lacks it: the first one of the newest overtook it.
+
+        It is then earlier than usual in the newest one, and is noted.
+        """
+        if pace.lag_ns is None or pace.cycle >= self.number - 1 or pace.cycles_per_sample > 1.0:
+            return False
+        early_ns = self._begin_ns + pace.lag_ns - stamp_ns
+        if 2 * early_ns <= self._shortest_ns():
+            return False
+        pace.last_ns, pace.cycle, pace.lag_ns = stamp_ns, self.number - 1, None
+        return True
+
     def _is_behind(self, pace: Pace, stamp_ns: int) -> bool:
         """Whether a frame is later in the newest cycle than usual, and than the one before it."""
         if pace.lag_ns is None:
             return False
         late_ns = stamp_ns - self._begin_ns - pace.lag_ns - self._late_ns
-        return 2 * late_ns > min(max(self._gaps_ns), self.period_ns or LONGEST_PERIOD_NS)
+        return 2 * late_ns > self._shortest_ns()
+
+    def _shortest_ns(self) -> int:
+        """Period of the cycles: the usual one, or if shorter the longest of the newest ones."""
+        return min(max(self._durations_ns), self.period_ns or LONGEST_PERIOD_NS)
 
     def _is_next(self, pace: Pace, stamp_ns: int, samples: int) -> bool:
         """Whether a frame is not of the newest cycle, of which the frame of its message was lost.

@@ -62,6 +62,20 @@ def test_a_frame_behind_one_that_follows_it_in_the_order_is_of_the_next_cycle() 
     assert begins == [later.get(n, (0, 10.0 * n)) for n in range(1, 60)]
 
 
+def test_a_frame_that_the_next_cycle_overtakes_is_in_none() -> None:
+    times = 10.0 * np.arange(60)[:, None] + [0.0, 3.0, 6.0]
+    times[30, 2] += 4.5
+    frames = sorted(((k, t) for row in times for k, t in enumerate(row)), key=lambda one: one[1])
+    cut, found = CycleCut(3, 0), []
+    for k, t in frames:
+        if cut.is_of_previous(cut.paces[k], START_NS + round(t * MS)):
+            found.append((k, t))
+        else:
+            first_frames(cut, [(k, t)])
+    assert found == [(2, 310.5)]
+    assert cut.number == 59
+
+
 @pytest.mark.parametrize("message", range(3))
 def test_load_cells_that_send_irregularly_keep_their_cycles_if_bursts_are_starved(message: int) -> None:
     """Reception begins within a burst; the first bursts are interrupted for longer than between them."""

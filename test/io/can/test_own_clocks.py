@@ -40,13 +40,15 @@ def complete(cycles: list[Cycle]) -> list[Cycle]:
     return [one for one in cycles if not one.status.any()]
 
 
-def clocks(cells: int, seed: int, duration_s: float, drift: float = 5e-5) -> list[np.ndarray]:
+def clocks(
+    cells: int, seed: int, duration_s: float, drift: float = 5e-5, jitter_s: float = 1e-4
+) -> list[np.ndarray]:
     """Send times of load cells with arbitrary phases and clocks of their own, with jitter, s."""
     rng = np.random.default_rng(seed)
     number = np.arange(int(duration_s * RATE_HZ))
     return [
         (rng.uniform() + number * (1 + rng.uniform(-drift, drift))) / RATE_HZ
-        + rng.normal(0, 1e-4, len(number))
+        + rng.normal(0, jitter_s, len(number))
         for _ in range(cells)
     ]
 
@@ -58,6 +60,15 @@ def test_cycles_are_complete_at_any_phases(tmp_path: Path, cells: int, seed: int
     assert len(complete(cycles)) >= 0.99 * 300
     assert len(complete(cycles)) >= 0.99 * len(cycles)
     assert all(np.ptp(one.strain) <= 2 for one in complete(cycles)), "of one period"
+
+
+@pytest.mark.parametrize("cells", [5, 8, 14])
+@pytest.mark.parametrize("seed", range(3))
+def test_jitter_that_exchanges_frames_tears_few_cycles(tmp_path: Path, cells: int, seed: int) -> None:
+    times_s = [np.sort(own_s) for own_s in clocks(cells, seed, 6.0, jitter_s=1e-3)]
+    cycles = cycles_of(hand(tmp_path, cells), times_s, set())
+    assert len(complete(cycles)) >= 0.95 * max(300, len(cycles))
+    assert all(np.ptp(one.strain) <= 2 for one in complete(cycles))
 
 
 @pytest.mark.parametrize("cells", [2, 5, 14])
