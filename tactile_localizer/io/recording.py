@@ -6,8 +6,9 @@ Import, replay and evaluation work on a :class:`Recording` and do not depend on 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -80,9 +81,10 @@ class RecordedSweep:
 
     def part(self, rows: slice | np.ndarray, number: int, gaps: int = 0) -> RecordedSweep:
         """A subset of the samples, (n,) bool or a slice, as a separate sweep."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        arrays = {name: each[rows] for name, each in values.items() if isinstance(each, np.ndarray)}
-        return RecordedSweep(**{**values, **arrays, "number": number, "gaps": gaps})
+        arrays: dict[str, Any] = {
+            name: each[rows] for name, each in vars(self).items() if isinstance(each, np.ndarray)
+        }
+        return replace(self, **arrays, number=number, gaps=gaps)
 
 
 @dataclass(frozen=True)
