@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.calibration.examination import BY_CHANCE, Examination, Outcome
+from tactile_localizer.core.calibration.examination import Examination, Outcome, by_chance
 from tactile_localizer.errors import listed
 from tactile_localizer.offline.axes import MM, describe_sizes
 from tactile_localizer.scene import Scene
@@ -70,7 +70,7 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
     if wrong := sorted({each.sweep + 1 for each in on_map if each.wrong}):
         found.append(f"converged at a wrong place in the examination: sweep {listed(map(str, wrong))}")
     false = sum(each.converged for each in examination.off_map)
-    if false > BY_CHANCE:
+    if false > by_chance(len(examination.off_map)):
         found.append(
             f"{false} of {len(examination.off_map)} trials converge on material that is not on the map: "
             "it resembles itself, and other material of its kind may be taken for it"

@@ -12,11 +12,7 @@ import pytest
 from support.models import noise_model
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.hypotheses.explanations import (
-    LEAVING_RATE,
-    RELOCATION_RATE,
-    Explanations,
-)
+from tactile_localizer.core.hypotheses.explanations import RELOCATION_RATE, Explanations
 from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend, innovations
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH, OtherMaterial
@@ -30,12 +26,12 @@ EVEN = np.full(4, -math.log(4.0))
 
 
 def test_a_hand_leaves_the_map_returns_to_it_and_is_placed_elsewhere_by_their_rates() -> None:
-    away, stays = math.exp(-0.1 / PATCH_LENGTH), math.exp(-LEAVING_RATE * 0.1)
+    stays = math.exp(-0.1 / PATCH_LENGTH)
     unmoved = math.exp(-RELOCATION_RATE * 0.1)
     moved = Explanations(0.5, 0.2, 0.3, EVEN).predict(0.1, left=0.2)
-    assert moved.tracked == pytest.approx((0.8 * stays * 0.5 + (1.0 - away) * 0.3) * unmoved)
+    assert moved.tracked == pytest.approx((0.8 * stays * 0.5 + (1.0 - stays) * 0.3) * unmoved)
     left = (1.0 - 0.8 * stays) * 0.5 + (1.0 - stays) * 0.2
-    assert moved.other == pytest.approx((away * 0.3 + left) * unmoved)
+    assert moved.other == pytest.approx((stays * 0.3 + left) * unmoved)
 
 
 @pytest.mark.parametrize("travel", [0.0002, 0.0005, 0.002])

@@ -24,6 +24,7 @@ import numpy as np
 
 from tactile_localizer.core.calibration.held_out import surroundings
 from tactile_localizer.core.calibration.sweep_model import SweepModel
+from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.geometry.motion import MotionModel, levers
 from tactile_localizer.core.hypotheses.convergence import probability_within
 from tactile_localizer.core.localizer import Localizer
@@ -32,11 +33,9 @@ from tactile_localizer.core.scan.tracks import Tracks, evenly
 from tactile_localizer.scene import Scene
 
 LENGTHS = (0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
-"""Information lengths to choose from, m; the search begins at the middle."""
-BY_CHANCE = 1
-"""False claims in all trials that are no pattern yet. By judgement."""
-UNEXAMINED = 0.0085
-"""Information length where no sweep can be held out, m. By judgement."""
+"""Information lengths to choose from, m; the search begins in the middle."""
+UNEXAMINED = LENGTHS[len(LENGTHS) // 2]
+"""Information length where no sweep can be held out, m."""
 _TRIALS = 12
 """Sweeps, or parts of them, that are localized on the map, and off it."""
 _MAPS = 6
@@ -138,14 +137,20 @@ class Examination:
         return np.median([each.spread for each in self.on_map], axis=0) if self.on_map else np.zeros(0)
 
 
-class _Trial(NamedTuple):
-    """A part of a held-out sweep, n positions (n, d) and strains (n, C), and a localizer without it."""
+class _HeldOut(NamedTuple):
+    """A sweep of the scan that is held out: its index, n positions (n, d) and strains (n, C)."""
 
-    sweep: int
-    on_map: bool
-    localizer: Localizer
+    index: int
     positions: np.ndarray
     strain: np.ndarray
+
+
+class _Trial(NamedTuple):
+    """A held-out sweep, or a part of it, and a localizer that does not know it."""
+
+    sweep: _HeldOut
+    on_map: bool
+    localizer: Localizer
 
 
 def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | None = None) -> Examination:
@@ -159,9 +164,10 @@ def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | No
     progress : called with the completed fraction
     """
     scene = model.scan.tracks.scene
-    trials = list(_trials(scan, model, build)) if len(model.scan.tracks) > 1 else []
-    if not any(trial.on_map for trial in trials):
+    if len(model.scan.tracks) < 2:
         return Examination()
+    sweeps, rng = _held_out(scan, model.scan.tracks), np.random.default_rng(0)
+    trials = [*_trials_on_map(model, build, sweeps, rng), *_trials_off_map(model, build, sweeps, rng)]
     tried: dict[int, list[Outcome]] = {}
 
     def merit(choice: int) -> tuple[int, float]:
@@ -170,9 +176,9 @@ def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | No
             if progress is not None:
                 progress(min(len(tried) / 5.0, 1.0))
         claims = sum(each.wrong for each in tried[choice])
-        return min(BY_CHANCE - claims, 0), _scores(tried[choice])[0]
+        return min(by_chance(len(trials)) - claims, 0), _scores(tried[choice])[0]
 
-    best = len(LENGTHS) // 2
+    best = LENGTHS.index(UNEXAMINED)
     merit(best)
     for step in (-1, 1):
         while 0 <= best + step < len(LENGTHS) and merit(best + step) > merit(best):
@@ -191,52 +197,77 @@ def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | No
     return found
 
 
-def _trials(scan: Scan, model: SweepModel, build: Build) -> Iterator[_Trial]:
-    """Sweeps from their start and from further on, each on the map without it; halves off the map."""
-    tracks, rng = model.scan.tracks, np.random.default_rng(0)
-    scene = tracks.scene
-    positions, strain = scan.positions_on(scene), scan.strain_on(scene)
+def by_chance(trials: int) -> int:
+    """False claims in so many trials that the threshold of convergence concedes."""
+    return math.ceil(trials * (1.0 - Configuration().convergence_probability))
+
+
+def _held_out(scan: Scan, tracks: Tracks) -> list[_HeldOut]:
+    """Sweeps that are spread across the scan."""
+    positions, strain = scan.positions_on(tracks.scene), scan.strain_on(tracks.scene)
     order = _across(tracks)
     inner = order[1:-1] if len(order) > 4 else order  # the outermost lie beside the map of the others
-    chosen = [int(inner[place]) for place in evenly(len(inner), _TRIALS)]
-    sweeps = [np.flatnonzero(scan.sweep == scan.sweep_numbers[index]) for index in chosen]
+    found = []
+    for place in evenly(len(inner), _TRIALS):
+        index = int(inner[place])
+        own = scan.sweep == scan.sweep_numbers[index]
+        found.append(_HeldOut(index, positions[own], strain[own]))
+    return found
+
+
+def _turns(sweeps: int) -> list[tuple[int, int]]:
+    """For each trial which of the ``sweeps`` is localized, and in which of two ways, each in turn."""
+    numbers = [divmod(trial, sweeps) for trial in range(_TRIALS)]
+    return [(which, (which + again) % 2) for again, which in numbers]
+
+
+def _trials_on_map(
+    model: SweepModel, build: Build, sweeps: Sequence[_HeldOut], rng: np.random.Generator
+) -> Iterator[_Trial]:
+    """Sweeps from their start or from further on, each on the map without it."""
+    tracks, indices = model.scan.tracks, [sweep.index for sweep in sweeps]
     maps = [
-        build(model.part(~np.isin(tracks.number, chosen[first::_MAPS])), scene)
-        for first in range(min(_MAPS, len(chosen)))
+        build(model.part(~np.isin(tracks.number, indices[first::_MAPS])), tracks.scene)
+        for first in range(min(_MAPS, len(sweeps)))
     ]
-    for trial in range(_TRIALS):
-        which = trial % len(chosen)
-        own, begins_late = sweeps[which], (trial + trial // len(chosen)) % 2
-        begin = int(rng.uniform(0.15, 0.6) * len(own)) if begins_late else 0
-        rows = _first(own[begin:], positions, scene)
-        yield _Trial(chosen[which], True, maps[which % len(maps)], positions[rows], strain[rows])
-    extent = np.array([np.ptp(tracks.positions[own], axis=0) for own in tracks.slices]) * levers(scene)
+    for which, begins_late in _turns(len(sweeps)):
+        begin = rng.uniform(0.15, 0.6) if begins_late else 0.0
+        part = _part(sweeps[which], np.arange(len(sweeps[which].positions)), begin, tracks.scene)
+        yield _Trial(part, True, maps[which % len(maps)])
+
+
+def _trials_off_map(
+    model: SweepModel, build: Build, sweeps: Sequence[_HeldOut], rng: np.random.Generator
+) -> Iterator[_Trial]:
+    """Parts of sweeps in one half of the map, each on the other half."""
+    tracks = model.scan.tracks
+    extent = np.array([np.ptp(tracks.positions[own], axis=0) for own in tracks.slices]) * levers(tracks.scene)
     along = int(np.median(extent, axis=0).argmax())
     middle = 0.5 * float(tracks.positions[:, along].min() + tracks.positions[:, along].max())
     for side in (0, 1):
         kept = (tracks.positions[:, along] > middle) == bool(side)
         if kept.all() or not kept.any():
             continue
-        localizer = build(model.part(kept), surroundings(scene, tracks.positions[kept]))
-        for trial in range(side, _TRIALS, 2):
-            which = (trial + trial // len(chosen)) % len(chosen)  # of two sweeps, both on either half
-            index, own = chosen[which], sweeps[which]
-            rows = own[(positions[own, along] > middle) != bool(side)]
-            rows = rows[int(rng.uniform(0.0, 0.5) * len(rows)) :]
-            if len(rows) >= _LEAST_STRAINS:
-                rows = _first(rows, positions, scene)
-                yield _Trial(index, False, localizer, positions[rows], strain[rows])
+        localizer = build(model.part(kept), surroundings(tracks.scene, tracks.positions[kept]))
+        for which, of_side in _turns(len(sweeps)):
+            rows = np.flatnonzero((sweeps[which].positions[:, along] > middle) != bool(side))
+            if of_side == side:
+                part = _part(sweeps[which], rows, rng.uniform(0.0, 0.5), tracks.scene)
+                if len(part.positions) >= _LEAST_STRAINS:
+                    yield _Trial(part, False, localizer)
+
+
+def _part(sweep: _HeldOut, rows: np.ndarray, begin: float, scene: Scene) -> _HeldOut:
+    """The first :data:`_LONGEST` metres of some ``rows`` of a sweep, after the fraction ``begin`` of them."""
+    rows = rows[int(begin * len(rows)) :]
+    rows = rows[_travels(sweep.positions[rows], scene).cumsum() <= _LONGEST]
+    return _HeldOut(sweep.index, sweep.positions[rows], sweep.strain[rows])
 
 
 def _across(tracks: Tracks) -> np.ndarray:
     """Tracks (S,) in the order of their mean positions along the axis on which these differ most."""
     means = np.array([tracks.positions[own].mean(axis=0) for own in tracks.slices]) * levers(tracks.scene)
     return means[:, np.ptp(means, axis=0).argmax()].argsort(kind="stable")
-
-
-def _first(rows: np.ndarray, positions: np.ndarray, scene: Scene) -> np.ndarray:
-    """The first :data:`_LONGEST` metres of a sweep."""
-    return rows[_travels(positions[rows], scene).cumsum() <= _LONGEST]
 
 
 def _travels(positions: np.ndarray, scene: Scene) -> np.ndarray:
@@ -247,12 +278,12 @@ def _travels(positions: np.ndarray, scene: Scene) -> np.ndarray:
 
 def _localize(trial: _Trial, information_length: float) -> Outcome:
     """Localize a trial with the noise of odometry, scoring what is published of the truth."""
-    localizer, positions = trial.localizer, trial.positions
+    localizer, (index, positions, strains) = trial.localizer, trial.sweep
     scene, radius = localizer.scene, localizer.criteria.radius
     motion = MotionModel(scene)
     localizer.reset()
     localizer.information_length = information_length
-    rng = np.random.default_rng(trial.sweep)
+    rng = np.random.default_rng(index)
     steps = rng.standard_normal(positions.shape) * scene.motion_std
     odometry = positions + np.cumsum(steps * np.sqrt(_travels(positions, scene))[:, None], axis=0)
     score: list[float] = []
@@ -260,7 +291,7 @@ def _localize(trial: _Trial, information_length: float) -> Outcome:
     spread, updates = np.full(scene.dimension, np.inf), 0
     right = wrong = converged = False
     away = np.zeros(scene.dimension)
-    for row, (place, strain) in enumerate(zip(odometry, trial.strain, strict=True)):
+    for row, (place, strain) in enumerate(zip(odometry, strains, strict=True)):
         estimate = localizer.update((1 + row) * _PERIOD_NS, place, strain)
         away = motion.displacement(positions[row], estimate.mean)
         near = trial.on_map and float(np.square(away / radius).sum()) <= 1.0
@@ -278,7 +309,7 @@ def _localize(trial: _Trial, information_length: float) -> Outcome:
         else np.log(np.full(scene.dimension * trial.on_map, _LEAST_PROBABILITY))
     )
     return Outcome(
-        trial.sweep,
+        index,
         trial.on_map,
         _mean(score),
         bool(right),

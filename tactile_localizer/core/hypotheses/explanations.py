@@ -10,9 +10,6 @@ import numpy as np
 from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH
 from tactile_localizer.core.weights import normalize
 
-LEAVING_RATE = 1.0 / PATCH_LENGTH
-"""Rate at which the hand comes upon other material, per metre of travel: as before the first strain, the
-material is the scanned one as probably as not. By judgement."""
 RELOCATION_RATE = 1.0
 """Rate at which a hand is placed anywhere on the map, from on it or from elsewhere, per metre of travel. By
 judgement."""
@@ -63,8 +60,9 @@ class Explanations(NamedTuple):
         tracked, relocated, other, log_weights = self
         if self.injection:
             tracked, relocated = tracked + relocated, 0.0
-        returned = -math.expm1(-travel / PATCH_LENGTH) * other
-        stayed = math.exp(-LEAVING_RATE * travel)
+        # Other material is as probable as the map before the first strain, so either is left at one rate.
+        stayed = math.exp(-travel / PATCH_LENGTH)
+        returned = (1.0 - stayed) * other
         on_map = (1.0 - left) * stayed * tracked, stayed * relocated
         other += tracked - on_map[0] + relocated - on_map[1] - returned
         tracked, relocated = on_map[0] + returned, on_map[1]

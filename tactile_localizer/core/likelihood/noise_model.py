@@ -34,12 +34,11 @@ _FEATURELESS_STRETCH = 0.2
 fraction of the sweep."""
 WANDER_LENGTH = 0.05
 """m over which a level that wanders is forgotten, where it is compared with a constant one. By judgement."""
-_INDEPENDENT = 0.002
-"""m of travel between independent residuals, there. By judgement."""
 _LONGEST = 4.0
 """Length at which a deviation is shortened, in median lengths: one absurd strain hardly counts."""
-_SMOOTHING = 0.002
-"""m over which the energy of a deviation is averaged."""
+_CORRELATED = 0.002
+"""m within which deviations are alike: their energy is averaged over it, and residuals within it count as one.
+By judgement."""
 
 
 @dataclass(frozen=True)
@@ -217,7 +216,7 @@ def _texture_ratio(scan: WhitenedScan, held_out: HeldOut) -> float:
 def _wander(scan: WhitenedScan, held_out: HeldOut) -> float:
     """Log-likelihood of held-out residuals under a level that wanders, less that under a constant one, nats.
 
-    It is predictive: of each residual given those before it. Strains nearer than :data:`_INDEPENDENT` count
+    It is predictive: of each residual given those before it. Strains nearer than :data:`_CORRELATED` count
     in part, and so do those at places where the map itself is uncertain.
     """
     layout, pitch = scan.noise.layout, scan.tracks.pitch
@@ -225,7 +224,7 @@ def _wander(scan: WhitenedScan, held_out: HeldOut) -> float:
     # The noise of the mean is left in: where a map is of few sweeps, the safer model is preferred.
     variance = 1.0 + layout.mean(expected.interpolation_error[:, 0])
     residual = (scan.strain[held_out.points] - expected.mean[:, 0]) / np.sqrt(layout.expand(variance))
-    exponent, total = min(1.0, pitch / _INDEPENDENT), 0.0
+    exponent, total = min(1.0, pitch / _CORRELATED), 0.0
     for memory, sign in ((WANDER_LENGTH, 1.0), (math.inf, -1.0)):
         drift = Drift(memory, 1.0, np.maximum(scan.noise.level_variance, 1e-6), OUTLIER * layout.size)
         for own in held_out.slices:
@@ -348,7 +347,7 @@ def _kept(strain: np.ndarray, layout: ChannelLayout, tracks: Tracks) -> np.ndarr
     the feature's region, if the scene gives one, deviations are set to zero.
     """
     scene = tracks.scene
-    energy = layout.mean(_smoothed(strain**2, tracks.slices, _points(_SMOOTHING, tracks)))
+    energy = layout.mean(_smoothed(strain**2, tracks.slices, _points(_CORRELATED, tracks)))
     kept = np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0)
     if scene.feature is not None:
         kept = kept * phalanges_on_feature(scene, tracks.positions)

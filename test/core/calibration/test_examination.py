@@ -74,7 +74,7 @@ def test_a_single_sweep_cannot_be_examined() -> None:
 def outcome(trial: _Trial, score: float = 0.0, wrong: bool = False, y: float = 0.0) -> Outcome:
     """Of a trial, with a score along ``y`` alone."""
     axes = (0.0, y) if trial.on_map else ()
-    return Outcome(trial.sweep, trial.on_map, score, True, wrong, True, (0.0,) * 2, (0.0,) * 2, axes)
+    return Outcome(trial.sweep.index, trial.on_map, score, True, wrong, True, (0.0,) * 2, (0.0,) * 2, axes)
 
 
 def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,7 +89,7 @@ def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.M
 
     def localized(trial: _Trial, _: float) -> Outcome:
         if trial.on_map:
-            places.append(float(trial.positions[0, 1]))
+            places.append(float(trial.sweep.positions[0, 1]))
         return outcome(trial)
 
     monkeypatch.setattr(module, "_localize", localized)
