@@ -93,7 +93,9 @@ def turned_material(level_variance: float = 0.0) -> SweepMixture:
     tables = same, np.ones((41, 1, 1), np.float32), same[..., 0]
     strain_map = StrainMap(*lattice, *tables, 0.0, TURNING[None])
     drift = Drift(np.inf, 1.0, np.full(2, level_variance))
-    return SweepMixture(noise, strain_map, drift, OtherMaterial(layout, np.eye(2), 1.0), Material(1.0))
+    return SweepMixture(
+        noise, strain_map, drift, OtherMaterial(layout, np.eye(2), np.ones(layout.phalanges)), Material(1.0)
+    )
 
 
 def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[np.ndarray, Innovation, Trend]:

@@ -43,7 +43,7 @@ class SweepModel(NamedTuple):
         signal = float(np.square(table.mean[:, 0]).sum(axis=1).max())
         largest = OUTLIER * (signal + noise.layout.size * visit)
         drift = Drift(material.memory, visit, noise.level_variance, largest)
-        return SweepMixture(noise, table, drift, self._other(scene, table, visit), material)
+        return SweepMixture(noise, table, drift, self._other(scene, table), material)
 
     def part(self, points: np.ndarray) -> SweepModel:
         """The model of some ``points`` (n,) bool of the scan's tracks, with noise and variance of all."""
@@ -65,7 +65,7 @@ class SweepModel(NamedTuple):
             found.append(uniform_filter1d(energy, width, axis=0, mode="nearest"))
         return np.maximum(np.median(np.concatenate(found), axis=0), 1e-3)
 
-    def _other(self, scene: Scene, table: StrainMap, variance: float) -> OtherMaterial:
+    def _other(self, scene: Scene, table: StrainMap) -> OtherMaterial:
         """The alternative to a map."""
         layout, material = self.scan.noise.layout, self.scan.material
         along, pitch = table.shape[0], float(table.step[0] * levers(scene)[0])
@@ -77,7 +77,8 @@ class SweepModel(NamedTuple):
             felt = part[np.square(part).sum(axis=1) > 1.0]
             part = felt if len(felt) > 10 else part
             covariance[own, own] = part.T @ part / max(len(part), 1)
-        return OtherMaterial(layout, covariance, variance)
+        # Its featureless part is what the map's own featureless places are: neither is preferred there.
+        return OtherMaterial(layout, covariance, table.variance.min(axis=(0, 1)))
 
     def cell(self, scene: Scene, lines: float) -> np.ndarray:
         """Size (d,) of cells of ``lines`` line spacings."""

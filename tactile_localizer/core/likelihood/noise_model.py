@@ -37,8 +37,8 @@ WANDER_LENGTH = 0.05
 _LONGEST = 4.0
 """Length at which a deviation is shortened, in median lengths: one absurd strain hardly counts."""
 _CORRELATED = 0.002
-"""m within which deviations are alike: their energy is averaged over it, and residuals within it count as one.
-By judgement."""
+"""m within which deviations are alike: their energy is averaged over it, and residuals count as independent
+only beyond it. By judgement."""
 
 
 @dataclass(frozen=True)

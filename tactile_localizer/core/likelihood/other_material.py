@@ -22,18 +22,18 @@ class OtherMaterial:
     """Likelihood of innovations on material that was not scanned, whose signal may have any strength.
 
     The innovation v of phalanx f has the density sum over g of w_g t_8(v; 0, A I + g S_f), with S_f from the
-    covariance of the map's own signal, A the median variance of a visit, and weights w_g that follow the
-    sweep. The eigenvalues of S_f are halfway, geometrically, between those of the signal and their mean. One
-    more component is a signal with the largest variance in all directions.
+    covariance of the map's own signal, A the variance of a visit to featureless material, and weights w_g
+    that follow the sweep. The eigenvalues of S_f are halfway, geometrically, between those of the signal and
+    their mean. One more component is a signal with the largest variance in all directions.
 
     Parameters
     ----------
     layout : channels of the strain by phalanx
     covariance : (C, C) of the map's signal, a block per phalanx
-    variance : median variance of a visit
+    variance : (F,) of a visit to featureless material
     """
 
-    def __init__(self, layout: ChannelLayout, covariance: np.ndarray, variance: float) -> None:
+    def __init__(self, layout: ChannelLayout, covariance: np.ndarray, variance: np.ndarray) -> None:
         self._layout, self._covariance, self._variance = layout, covariance, variance
         self._rotation = np.eye(layout.size)
         even, largest = np.zeros(layout.size), np.zeros(layout.size)
@@ -88,7 +88,8 @@ class OtherMaterial:
         exponent : fraction of an independent measurement that the innovation is
         """
         layout, tails = self._layout, DEGREES_OF_FREEDOM
-        variance = (self._spread + self._variance) * layout.expand(factor) + layout.expand(level_variance)
+        variance = self._spread * layout.expand(factor)
+        variance += layout.expand(self._variance * factor + level_variance)
         squared = np.square(innovation @ self._rotation) / variance
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
         densities -= 0.5 * layout.sum(np.log(variance))

@@ -20,7 +20,7 @@ LAYOUT = ChannelLayout((3, 1))
 SIGNAL = np.zeros((4, 4))
 SIGNAL[:3, :3] = 40.0 * np.array([[2.0, 1.0, 0.0], [1.0, 2.0, 0.5], [0.0, 0.5, 1.0]])
 SIGNAL[3, 3] = 40.0
-MATERIAL = OtherMaterial(LAYOUT, SIGNAL, 1.3)
+MATERIAL = OtherMaterial(LAYOUT, SIGNAL, np.full(LAYOUT.phalanges, 1.3))
 NONE, BOTH, SCALE = np.zeros(2), np.ones(2, dtype=bool), np.ones(2)
 EXPONENT, TRAVEL = 0.3, 0.0005
 
@@ -40,7 +40,7 @@ def after(material: OtherMaterial, innovations: np.ndarray) -> np.ndarray:
 
 def test_its_likelihood_is_a_density() -> None:
     """One channel; whatever the level, the map and the weights of the strengths are."""
-    material = OtherMaterial(ChannelLayout((1,)), np.array([[40.0]]), 1.3)
+    material = OtherMaterial(ChannelLayout((1,)), np.array([[40.0]]), np.array([1.3]))
     weights = np.log(np.random.default_rng(0).dirichlet(np.ones(len(material.start()))))[:, None]
 
     def density(strain: float) -> float:
@@ -101,7 +101,7 @@ def test_a_strain_in_another_unit_is_other_material_however_uncertain_a_place_of
 
 
 def test_a_signal_in_a_direction_in_which_the_map_has_none_is_other_material_too() -> None:
-    material, one = OtherMaterial(ChannelLayout((2,)), np.diag([40.0, 0.0]), 1.3), np.ones(1)
+    material, one = OtherMaterial(ChannelLayout((2,)), np.diag([40.0, 0.0]), np.array([1.3])), np.ones(1)
     along, across = (
         material.update(material.start(), strain, 0.0 * one, one, one.astype(bool), TRAVEL, EXPONENT)[0]
         for strain in 30.0 * np.eye(2)

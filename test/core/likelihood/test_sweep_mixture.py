@@ -29,7 +29,7 @@ def mixture(counts: tuple[int, ...]) -> SweepMixture:
     tables = (table.astype(np.float32) for table in (mean, variance, prior))
     lattice = np.array([0.0005]), np.array([0.001]), (NODES,)
     strain_map = StrainMap(*lattice, *tables, GAIN, np.zeros((1, size)))
-    other = OtherMaterial(layout, np.eye(size), 1.3)
+    other = OtherMaterial(layout, np.eye(size), np.full(layout.phalanges, 1.3))
     drift = Drift(np.inf, 1.0, np.zeros(size))
     return SweepMixture(noise_model(layout, 4.0, 0.1), strain_map, drift, other, Material(1.0))
 
