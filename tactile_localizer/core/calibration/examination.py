@@ -140,7 +140,7 @@ class Examination:
 class _HeldOut(NamedTuple):
     """A sweep of the scan that is held out: its index, n positions (n, d) and strains (n, C)."""
 
-    index: int
+    number: int
     positions: np.ndarray
     strain: np.ndarray
 
@@ -225,7 +225,7 @@ def _trials_on_map(
     model: SweepModel, build: Build, sweeps: Sequence[_HeldOut], rng: np.random.Generator
 ) -> Iterator[_Trial]:
     """Sweeps from their start or from further on, each on the map without it."""
-    tracks, indices = model.scan.tracks, [sweep.index for sweep in sweeps]
+    tracks, indices = model.scan.tracks, [sweep.number for sweep in sweeps]
     maps = [
         build(model.part(~np.isin(tracks.number, indices[first::_MAPS])), tracks.scene)
         for first in range(min(_MAPS, len(sweeps)))
@@ -261,7 +261,7 @@ def _part(sweep: _HeldOut, rows: np.ndarray, begin: float, scene: Scene) -> _Hel
     """The first :data:`_LONGEST` metres of some ``rows`` of a sweep, after the fraction ``begin`` of them."""
     rows = rows[int(begin * len(rows)) :]
     rows = rows[_travels(sweep.positions[rows], scene).cumsum() <= _LONGEST]
-    return _HeldOut(sweep.index, sweep.positions[rows], sweep.strain[rows])
+    return _HeldOut(sweep.number, sweep.positions[rows], sweep.strain[rows])
 
 
 def _across(tracks: Tracks) -> np.ndarray:

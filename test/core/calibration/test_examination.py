@@ -74,7 +74,7 @@ def test_a_single_sweep_cannot_be_examined() -> None:
 def outcome(trial: _Trial, score: float = 0.0, wrong: bool = False, y: float = 0.0) -> Outcome:
     """Of a trial, with a score along ``y`` alone."""
     axes = (0.0, y) if trial.on_map else ()
-    return Outcome(trial.sweep.index, trial.on_map, score, True, wrong, True, (0.0,) * 2, (0.0,) * 2, axes)
+    return Outcome(trial.sweep.number, trial.on_map, score, True, wrong, True, (0.0,) * 2, (0.0,) * 2, axes)
 
 
 def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
