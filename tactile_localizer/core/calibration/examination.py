@@ -138,7 +138,7 @@ class Examination:
 
 
 class _HeldOut(NamedTuple):
-    """A sweep of the scan that is held out: its index, n positions (n, d) and strains (n, C)."""
+    """A sweep of the scan that is held out: its number in the scan, n positions (n, d) and strains (n, C)."""
 
     number: int
     positions: np.ndarray
@@ -209,9 +209,9 @@ def _held_out(scan: Scan, tracks: Tracks) -> list[_HeldOut]:
     inner = order[1:-1] if len(order) > 4 else order  # the outermost lie beside the map of the others
     found = []
     for place in evenly(len(inner), _TRIALS):
-        index = int(inner[place])
-        own = scan.sweep == scan.sweep_numbers[index]
-        found.append(_HeldOut(index, positions[own], strain[own]))
+        number = int(inner[place])
+        own = scan.sweep == scan.sweep_numbers[number]
+        found.append(_HeldOut(number, positions[own], strain[own]))
     return found
 
 
@@ -225,9 +225,9 @@ def _trials_on_map(
     model: SweepModel, build: Build, sweeps: Sequence[_HeldOut], rng: np.random.Generator
 ) -> Iterator[_Trial]:
     """Sweeps from their start or from further on, each on the map without it."""
-    tracks, indices = model.scan.tracks, [sweep.number for sweep in sweeps]
+    tracks, numbers = model.scan.tracks, [sweep.number for sweep in sweeps]
     maps = [
-        build(model.part(~np.isin(tracks.number, indices[first::_MAPS])), tracks.scene)
+        build(model.part(~np.isin(tracks.number, numbers[first::_MAPS])), tracks.scene)
         for first in range(min(_MAPS, len(sweeps)))
     ]
     for which, begins_late in _turns(len(sweeps)):
@@ -278,12 +278,12 @@ def _travels(positions: np.ndarray, scene: Scene) -> np.ndarray:
 
 def _localize(trial: _Trial, information_length: float) -> Outcome:
     """Localize a trial with the noise of odometry, scoring what is published of the truth."""
-    localizer, (index, positions, strains) = trial.localizer, trial.sweep
+    localizer, (number, positions, strains) = trial.localizer, trial.sweep
     scene, radius = localizer.scene, localizer.criteria.radius
     motion = MotionModel(scene)
     localizer.reset()
     localizer.information_length = information_length
-    rng = np.random.default_rng(index)
+    rng = np.random.default_rng(number)
     steps = rng.standard_normal(positions.shape) * scene.motion_std
     odometry = positions + np.cumsum(steps * np.sqrt(_travels(positions, scene))[:, None], axis=0)
     score: list[float] = []
@@ -309,7 +309,7 @@ def _localize(trial: _Trial, information_length: float) -> Outcome:
         else np.log(np.full(scene.dimension * trial.on_map, _LEAST_PROBABILITY))
     )
     return Outcome(
-        index,
+        number,
         trial.on_map,
         _mean(score),
         bool(right),
