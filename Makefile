@@ -44,25 +44,24 @@ lint: venv ## Check style, types and the direction of imports
 # Only a test that missed a deadline because its processes waited for a CPU is repeated, and reported as such.
 pytest := $(run) python -m pytest --reruns 2 --only-rerun StarvedError --durations=10
 # Tests of nodes spend much of their time waiting, so there are more workers than cores; the longest files come
-# first; beside them run the checks and the kernel with CAN sockets. Tests that depend on real time (soak, demo,
-# scenarios of several nodes) run last, two files at a time; what is left of the second core is for the figures.
-in_real_time := test/soak test/demo test/integration test/launch test/regression
+# first; beside them runs the kernel with CAN sockets. Tests that depend on real time (soak, demo, scenarios of
+# several nodes) run last, two files at a time; what is left of the second core is for the figures.
+in_real_time := test/soak test/demo test/integration test/launch test/ros/test_sweep_intervals.py test/regression
 long := test/ros test/test_examples.py test/test_packaging.py test/test_library.py test/benchmarks test/cli test/core
 others := $(filter-out $(in_real_time) $(long) test/socketcan test/lib test/__pycache__, $(patsubst %/,%,$(wildcard test/*/)) $(wildcard test/test_*.py))
 
 .PHONY: test
-test: build ## Run all checks and tests; ARGS="-k name" runs pytest with these arguments
+test: build lint ## Run all checks and tests; ARGS="-k name" runs pytest with these arguments
 ifdef ARGS
-	@$(MAKE) --no-print-directory lint
 	$(pytest) $(ARGS)
 else
-	@$(MAKE) --no-print-directory --jobs 2 --output-sync=line lint test-most test-socketcan
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=line test-most test-socketcan
 	$(pytest) --numprocesses 2 --dist loadfile --no-loadscope-reorder $(in_real_time)
 endif
 
 .PHONY: test-most
 test-most: build
-	$(pytest) --numprocesses 3 --dist loadfile --no-loadscope-reorder $(long) $(others)
+	$(pytest) --numprocesses 3 --dist loadfile --no-loadscope-reorder $(addprefix --ignore=,$(in_real_time)) $(long) $(others)
 
 .PHONY: test-socketcan
 test-socketcan: build ## Test the driver on CAN sockets, in a kernel of its own (Debian, Ubuntu: user-mode-linux)

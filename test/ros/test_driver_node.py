@@ -15,6 +15,7 @@ from support.diagnostics import status_of
 from support.load_cells import cycle, number_of, protocol, sample
 from support.processes import node_command
 from support.sweeps import stamp_of
+from support.waiting import StarvedError
 
 from tactile_localizer.io.can.bus import BusSettings
 from tactile_localizer.io.can.driver import OPEN, LoadCellDriver
@@ -47,6 +48,10 @@ def parameters(valid: dict[str, dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+_PAUSE_S = 0.002
+"""Pause between two cycles. Within a cycle, load cells make none that is nearly as long."""
+
+
 class Hand:
     """Load cells that send a cycle whenever a condition is evaluated, and what the driver makes of it."""
 
@@ -55,6 +60,7 @@ class Hand:
 
         self.bus, self._probe = can.Bus(**simulated_can, hop_limit=0), probe
         self.number = self.sent = 0  # of the next cycle; frames
+        self._longest_s = 0.0  # that the frames of a cycle took
         self.silent: set[int] = set()
         self.swing: float | None = None  # V between two samples; None: distinguishable samples
         self.strains: list[Any] = probe.listen(StrainVectors, "strain", probe.best_effort)
@@ -64,10 +70,12 @@ class Hand:
         if frames is None and self.swing is not None:
             strain = 0.5 + self.swing * (self.number % 2)
             frames = [f for p in range(2) for f in HAND.encode(p, np.full(8, strain + p), self.number)]
+        begin_s = time.monotonic()
         for frame in frames or cycle(HAND, self.number):
             if (frame.arbitration_id - 0x102) // 2 not in self.silent:
                 self.bus.send(frame)
                 self.sent += 1
+        self._longest_s = max(self._longest_s, time.monotonic() - begin_s)
         self.number += 1
 
     def send_cycles(self, count: int) -> range:
@@ -75,7 +83,7 @@ class Hand:
         first = self.number
         for _ in range(count):
             self.send()
-            self._probe.executor.spin_once(timeout_sec=0.002)
+            self._probe.executor.spin_once(timeout_sec=_PAUSE_S)
         return range(first, self.number)
 
     def sending(self, condition: Callable[[], Any], what: str) -> None:
@@ -91,14 +99,19 @@ class Hand:
 
     def numbers(self) -> list[set[int]]:
         """Numbers of the samples in each strain vector; fails on voltages that were not sent."""
-        return [
-            {
-                number_of(p, np.array(message.strain[8 * p : 8 * p + 8]))
-                for p in range(2)
-                if not message.status[p] & message.MISSING
-            }
-            for message in self.strains
-        ]
+        try:
+            return [
+                {
+                    number_of(p, np.array(message.strain[8 * p : 8 * p + 8]))
+                    for p in range(2)
+                    if not message.status[p] & message.MISSING
+                }
+                for message in self.strains
+            ]
+        except AssertionError as error:
+            if self._longest_s > _PAUSE_S:
+                raise StarvedError(f"a cycle took {self._longest_s:.3f} s to send; {error}") from None
+            raise
 
     def status(self, name: str) -> tuple[bytes, str, dict[str, str]]:
         """Level, message and values of the newest status of the bus or a phalanx."""

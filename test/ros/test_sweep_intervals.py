@@ -56,7 +56,7 @@ class Stream(threading.Thread):
     clock_s : time of the clock of the stamps ahead of this machine's
     """
 
-    STRAIN_MS, POSE_MS = 10, 2
+    STRAIN_MS, POSE_MS = 20, 4
 
     def __init__(self, probe, delay_s=0.0, clock_s=0.0):
         from geometry_msgs.msg import PoseStamped
@@ -145,15 +145,17 @@ def test_a_sweep_is_an_interval_of_the_stamps(node_process, probe, files, delay_
         stream.close()
     assert answer.success
     assert answer.message.startswith(f"sweep 1 ended: {len(sweep)} pairs")
-    margin_ns = 30 * MS if clock_s else 0  # of another clock only what has arrived is known
-    assert before_ns - margin_ns < sweep.stamp_ns[0] < started_ns + 20 * MS
-    assert until_ns - 10 * MS - margin_ns < sweep.stamp_ns[-1]
+    period_ns = Stream.STRAIN_MS * MS
+    margin_ns = 2 * period_ns if clock_s else 0  # of another clock only what has arrived is known
+    assert before_ns - margin_ns < sweep.stamp_ns[0] < started_ns + 2 * period_ns
+    assert until_ns - period_ns - margin_ns < sweep.stamp_ns[-1]
     require_as_offline(sweep, stream)
 
 
 @pytest.mark.slow
 def test_no_pair_is_lost_beside_six_busy_processes(node_process, probe, files):
     """With five poses for each strain vector, the poses must not fall behind."""
+    two_periods_ns = 2 * Stream.STRAIN_MS * MS
     node_process("mapping_node", parameters={**files, **DEEP_QUEUE, **RELIABLE, "patience_s": 30.0})
     stream = Stream(probe)
     intervals = []
@@ -173,8 +175,8 @@ def test_no_pair_is_lost_beside_six_busy_processes(node_process, probe, files):
     assert len(sweeps) == 5
     for sweep, (begin_ns, end_ns) in zip(sweeps, intervals, strict=True):
         assert sweep.gaps == 0
-        assert sweep.stamp_ns[0] < begin_ns + 20 * MS
-        assert sweep.stamp_ns[-1] > end_ns - 20 * MS
+        assert sweep.stamp_ns[0] < begin_ns + two_periods_ns
+        assert sweep.stamp_ns[-1] > end_ns - two_periods_ns
         require_as_offline(sweep, stream)
 
 
@@ -195,6 +197,7 @@ def test_a_sweep_ends_without_the_strain_that_never_comes(node_process, probe, f
     monkeypatch.setattr("support.bags.START", time.time_ns())
     node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "patience_s": 5.0})
     hand = Hand(probe)
+    hand.x = lambda stamp_ms: bags.x_at(stamp_ms % 2000)  # on the sheet, however long the node takes
     hand.slide(20)
     assert hand.service("start_sweep").success
     hand.now_ms = (time.time_ns() - bags.START) // MS // 20 * 20 + 20
@@ -221,8 +224,8 @@ def test_a_scan_that_is_removed_is_reported_and_written_again(node_process, prob
     else:
         files["scan_file"].rename(files["scan_file"].with_name("moved"))
     process.wait_for_line(r"sweep_0001.npy: .* removed or cut short; its \d+ pairs are in sweep 2", 5.0)
-    probe.until(lambda: reports and reports[-1].status[0].level == b"\x02", "an error")
-    assert "removed or cut short" in reports[-1].status[0].message
+    probe.until(lambda: any("removed or cut short" in each for each in messages(reports)), "an error")
+    assert reports[-1].status[0].level == b"\x02"
     answer = hand.service("end_sweep")
     assert not answer.success
     assert "removed or cut short" in answer.message
