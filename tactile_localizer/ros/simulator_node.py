@@ -76,7 +76,8 @@ _BUS_NOISE = 5 << 30
 _MOST_UNPUBLISHED = 32
 """Most cycles in the queue of the driver, a tenth of what it holds."""
 _PATIENCE_S = 5.0
-"""Time to wait for strain of a driver that has published some, s; a busy machine holds it up for 1 s."""
+"""Time in which a driver publishes the cycles in its queue, s, else they are lost; a busy machine holds it up
+for 1 s."""
 _DEPTH = 1000
 """Poses that are kept for a reliable subscriber that a busy machine holds up."""
 _POLL_S = 0.001
@@ -112,6 +113,7 @@ class SimulatorNode(ManagedNode):
     def activate(self) -> None:
         """Start simulated time."""
         self._sent = self._published = self._ignored = self._pose_ns = 0
+        self._published_before, self._until_s = 0, 0.0
         self.create_subscription(StrainVectors, "strain", self._on_strain, STRAIN, raw=True)
         self._stop.clear()
         thread = threading.Thread(target=self._publish_until_stopped, name="simulated hand", daemon=True)
@@ -158,11 +160,18 @@ class SimulatorNode(ManagedNode):
         self._published += 1
 
     def _wait_for_driver(self) -> None:
-        """Wait until a driver has published most cycles that were sent, if it publishes any."""
+        """Wait until a driver has published most cycles that were sent, if it publishes any.
+
+        A driver that lost some, as while it was stopped, publishes the newest one much later, as nothing
+        follows it. So the patience is for as many cycles as its queue holds, not for the next one.
+        """
         self._sent = max(self._sent + 1, self._published)
-        until_s = time.monotonic() + _PATIENCE_S
+        if self._sent - self._published <= _MOST_UNPUBLISHED:
+            self._published_before = self._published - _MOST_UNPUBLISHED
         while self._published != self._ignored and self._sent - self._published > _MOST_UNPUBLISHED:
-            if time.monotonic() > until_s:
+            if self._published - self._published_before >= _MOST_UNPUBLISHED:
+                self._published_before, self._until_s = self._published, time.monotonic() + _PATIENCE_S
+            if time.monotonic() > self._until_s:
                 self._ignored = self._published
             if self._stop.wait(_POLL_S):
                 return

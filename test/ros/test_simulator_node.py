@@ -160,6 +160,32 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
     assert np.min(moved[:last][paused[:last]]) < 50e-6, "a hand that waits does not move"
 
 
+def test_cycles_that_a_driver_lost_do_not_hold_the_hand_up_for_ever(start, frames, probe):
+    """A driver that waits for what follows its newest cycle publishes that one each second."""
+    from tactile_localizer.msg import StrainVectors
+
+    start(speed=1.0, load_cell_rate_hz=100.0)
+    strain = probe.publisher(StrainVectors, "strain", probe.best_effort)
+    probe.known_to("tactile_simulator")
+    strain.publish(StrainVectors())
+    probe.until(lambda: not sent_in(frames, 0.5), "a hand that waits")
+    begin_s = time.monotonic()
+
+    def published_and_sent():
+        strain.publish(StrainVectors())
+        return sent_in(frames, 1.0)
+
+    probe.until(lambda: published_and_sent() > 40, "more than a cycle for each that is published")
+    assert time.monotonic() > begin_s + 3.0, "it has waited"
+
+
+def sent_in(frames, duration_s):
+    """Number of frames within a time, s."""
+    drain(frames)
+    time.sleep(duration_s)
+    return len(drain(frames))
+
+
 def test_a_sweep_is_prepared_excludes_another_and_can_be_made_faster(start, hand, probe):
     start(speed=0.1)  # a sweep of more than a minute
     assert hand.call("sweep").success
