@@ -258,7 +258,7 @@ def _trials_off_map(
 
 
 def _part(sweep: _HeldOut, rows: np.ndarray, begin: float, scene: Scene) -> _HeldOut:
-    """The first :data:`_LONGEST` metres of some ``rows`` of a sweep, after the fraction ``begin`` of them."""
+    """At most :data:`_LONGEST` metres of a sweep: of ``rows`` (n,), those after the fraction ``begin``."""
     rows = rows[int(begin * len(rows)) :]
     rows = rows[_travels(sweep.positions[rows], scene).cumsum() <= _LONGEST]
     return _HeldOut(sweep.number, sweep.positions[rows], sweep.strain[rows])

@@ -275,7 +275,7 @@ class CycleAssembler:
                     return FrameKind.OUT_OF_ORDER if samples else FrameKind.DUPLICATE
         stream.sequence += samples
         stream.cell.counts.last_ns = stamp_ns
-        if self._cut.is_of_previous(stream.pace, stamp_ns):
+        if self._cut.take_into_previous(stream.pace, stamp_ns):
             stream.cell.counts.drops += counter is not None
             return FrameKind.OUT_OF_ORDER
         self._place(stream, frame, stamp_ns, value, samples)

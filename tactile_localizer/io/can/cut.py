@@ -171,10 +171,10 @@ class CycleCut:
         """Number of cycles from the newest frame of a message to one received at ``stamp_ns``."""
         return self.number - pace.cycle + self._is_behind(pace, stamp_ns)
 
-    def is_of_previous(self, pace: Pace, stamp_ns: int) -> bool:
-        """Whether a frame is of the cycle before, which lacks it: the first one of the newest overtook it.
+    def take_into_previous(self, pace: Pace, stamp_ns: int) -> bool:
+        """Take a frame of the cycle before, which lacks it, if it is one; returns whether it is.
 
-        It is then earlier than usual in the newest one, and is noted.
+        The first frame of the newest cycle overtook it, so it is earlier than usual in that one.
         """
         if pace.lag_ns is None or pace.cycle >= self.number - 1 or pace.cycles_per_sample > 1.0:
             return False

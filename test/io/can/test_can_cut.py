@@ -68,7 +68,7 @@ def test_a_frame_that_the_next_cycle_overtakes_is_in_none() -> None:
     frames = sorted(((k, t) for row in times for k, t in enumerate(row)), key=lambda one: one[1])
     cut, found = CycleCut(3, 0), []
     for k, t in frames:
-        if cut.is_of_previous(cut.paces[k], START_NS + round(t * MS)):
+        if cut.take_into_previous(cut.paces[k], START_NS + round(t * MS)):
             found.append((k, t))
         else:
             first_frames(cut, [(k, t)])
