@@ -38,6 +38,10 @@ def test_invalid_datagrams_are_counted(simulated_can: dict[str, Any]) -> None:
         for frame in cycle(HAND, 2):
             sender.send(frame)
         wait_until(lambda: len(cycles) == 2, "both cycles")
+        wait_until(
+            lambda: driver.status.unreadable + driver.counts.frames[FrameKind.UNKNOWN_ID] >= len(datagrams),
+            "the count of all datagrams",
+        )
     assert driver.status.unreadable + driver.counts.frames[FrameKind.UNKNOWN_ID] == len(datagrams)
     assert (driver.status.state, driver.status.reconnects) == (OPEN, 0)
     assert driver.stop()
