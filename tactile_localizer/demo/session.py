@@ -38,7 +38,7 @@ SCAN_SWEEPS = 2 * TRAINING_SWEEPS
 """Number of training sweeps: two along each line, so that the noise between sweeps can be learned."""
 
 _TIMEOUT_S = 300.0
-"""Time limit for each step: a start, a sweep, the loading of the scan, s."""
+"""Time limit for each step without a report of its progress: a start, a sweep, the loading of the scan, s."""
 _POLL_S = 0.02
 _SLOWER = ((2.0, 16.0), (0.1, 4.0))
 """Age on receipt of a message, s, from which the hand is slowed down, and by how much."""
@@ -103,6 +103,7 @@ class Operator:
         self._set_speed = self._node.create_client(SetParameters, "tactile_simulator/set_parameters")
         self._late_s: dict[str, float] = {}
         self._sequence, self.lost = 0, 0
+        self._progress_s = time.monotonic()
         silent = SubscriptionEventCallbacks(use_default_callbacks=False)
         self._subscriptions = {
             topic: self._node.create_subscription(
@@ -133,9 +134,10 @@ class Operator:
         message = self.newest[topic] = deserialize_message(taken[-1][0], TOPICS[topic])
         if topic == "/diagnostics":
             for raw, _ in taken:
-                self.newest |= {
-                    status.name: status for status in deserialize_message(raw, DiagnosticArray).status
-                }
+                for status in deserialize_message(raw, DiagnosticArray).status:
+                    self.newest[status.name] = status
+                    if any(value.key == "fraction" for value in status.values):
+                        self._progress_s = time.monotonic()
         if topic in ("/strain", "/palm_pose", "/tactile_mapping/status", "/tactile_filter/posterior"):
             self._late_s[topic] = 1e-9 * (time.time_ns() - to_ns(message.header.stamp))
         if topic == "/strain":
@@ -153,7 +155,7 @@ class Operator:
             self._set_speed.call_async(_request(speed=wanted))
 
     def until(self, condition: Callable[[], Any], what: str) -> None:
-        """Receive messages until ``condition`` is true.
+        """Receive messages until ``condition`` is true, for as long as a node reports progress.
 
         Raises
         ------
@@ -162,11 +164,11 @@ class Operator:
         KeyboardInterrupt
             The process was asked to end.
         """
-        deadline = time.monotonic() + _TIMEOUT_S
+        begun_s = time.monotonic()
         while not condition():
             if self._interrupted.is_set():
                 raise KeyboardInterrupt
-            if time.monotonic() > deadline:
+            if time.monotonic() > max(begun_s, self._progress_s) + _TIMEOUT_S:
                 raise LiveError(f"waited {_TIMEOUT_S:g} s for {what}")
             self._executor.spin_once()
 

@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -97,6 +98,49 @@ def test_a_recording_that_is_late_slows_the_hand_down_and_keeps_the_times_of_sen
             hand.destroy_node()
         assert sent_ns[0] <= recorded_ns[0] < begun_ns
         assert operator.lost == len(recorded_ns) - 1
+
+
+def test_a_step_lasts_for_as_long_as_a_node_reports_progress(monkeypatch):
+    import rclpy
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+    from tactile_localizer.demo import session
+
+    passed_s = [0.0]
+    clock = SimpleNamespace(monotonic=lambda: passed_s[0], time_ns=time.time_ns)
+    monkeypatch.setattr(session, "time", clock)
+    name, steps = "tactile_filter: map", iter(range(1, 6))
+
+    def values(**values):
+        return [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+
+    started = session.Operator(lambda *_: None, check=lambda: None)
+    with contextlib.closing(started) as operator:
+        node = rclpy.create_node("tactile_filter")
+        diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+
+        def advance(**reported):
+            """Report, and let most of the time limit pass once that is received; returns whether it is."""
+            status = DiagnosticStatus(name=name, values=values(**reported))
+            diagnostics.publish(DiagnosticArray(status=[status]))
+            arrived = name in operator.newest and operator.newest[name].values == status.values
+            passed_s[0] += 250.0 * arrived
+            return arrived
+
+        step = next(steps)
+
+        def loaded():
+            nonlocal step
+            step = next(steps, None) if advance(fraction=0.2 * step) else step
+            return step is None
+
+        try:
+            operator.until(loaded, "a map")
+            assert passed_s[0] > 1000.0
+            with pytest.raises(LiveError, match="waited 300 s for a map"):
+                operator.until(lambda: advance(reason="uniform") and False, "a map")
+        finally:
+            node.destroy_node()
 
 
 @pytest.mark.slow
