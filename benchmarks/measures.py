@@ -11,7 +11,6 @@ import numpy as np
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.offline.metrics import covered, position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
-from tactile_localizer.scene import Scene
 
 Row = dict[str, Any]
 
@@ -47,14 +46,14 @@ SETTLED_M = 0.004
 """Travel from contact after which an error counts as settled, m."""
 
 
-def on_feature(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> Row:
+def on_feature(sweeps: Sequence[ReplayedSweep]) -> Row:
     """Error, coverage and convergence of sweeps over the scanned feature.
 
     Errors and coverages are means over the sweeps of the mean over the strains concerned; a sweep without
     contact has none of them on contact, and all of it lies before contact.
     """
-    errors = [position_error(scene, sweep) for sweep in sweeps]
-    inside = [covered(scene, sweep) for sweep in sweeps]
+    errors = [position_error(sweep) for sweep in sweeps]
+    inside = [covered(sweep) for sweep in sweeps]
     contacts = [sweep.on_contact for sweep in sweeps]
     settled = [
         during & (travel_from_contact(sweep) >= SETTLED_M)
@@ -73,13 +72,13 @@ def on_feature(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> Row:
     }
 
 
-def falsely_converged(scene: Scene, sweeps: Sequence[ReplayedSweep], radius: float) -> Row:
+def falsely_converged(sweeps: Sequence[ReplayedSweep], radius: float) -> Row:
     """Convergence on a wrong place: an error of more than ``radius`` m.
 
     ``false_sweeps`` is the share of the sweeps in which that is the case after any strain from contact on,
     ``false_strains`` the share of all converged strains.
     """
-    wrong = [sweep.converged & (position_error(scene, sweep) > radius) for sweep in sweeps]
+    wrong = [sweep.converged & (position_error(sweep) > radius) for sweep in sweeps]
     converged = sum(int(sweep.converged.sum()) for sweep in sweeps)
     return {
         "false_sweeps": float(

@@ -30,7 +30,6 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep, replay
-from tactile_localizer.scene import Scene
 from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_scan
 from tactile_localizer.sim.material import SIMULATED_FEATURES
 
@@ -127,17 +126,16 @@ def localize(feature: str, seed: int, sweeps: int) -> list[Row]:
         for reach in (True, False):
             test = simulate_recording(feature, seed, "test", sweeps=sweeps, reach_feature=reach)
             for sweep in replay(localizer, test):
-                rows.append(
-                    {"feature": feature, "method": method, "blank": not reach, **outcome(scene, sweep)}
-                )
+                rows.append({"feature": feature, "method": method, "blank": not reach, **outcome(sweep)})
     return rows
 
 
-def outcome(scene: Scene, sweep: ReplayedSweep) -> Row:
+def outcome(sweep: ReplayedSweep) -> Row:
     """Values of one sweep, m and m²; NaN where a part of the sweep has no estimate."""
     before = sweep.row < sweep.contact[0] if sweep.contact[0] >= 0 else np.ones(len(sweep), dtype=bool)
-    error, trace, travel = position_error(scene, sweep), sweep.trace, travel_from_contact(sweep)
+    error, trace, travel = position_error(sweep), sweep.trace, travel_from_contact(sweep)
     on_feature = sweep.on_contact
+    scene = sweep.scene
     assert sweep.truth is not None
     place = np.digitize(sweep.truth[:, 0], np.linspace(scene.lower[0], scene.upper[0], BINS + 1)) - 1
     stretch = np.where(sweep.row <= sweep.contact[1], np.digitize(travel, STRETCHES_M) - 1, -1)

@@ -261,7 +261,7 @@ def measure_folder(
 
     def measures(sweeps: Sequence[ReplayedSweep]) -> Row:
         radius = configuration.convergence_radius
-        return {**on_feature(scene, sweeps), **falsely_converged(scene, sweeps, radius)}
+        return {**on_feature(sweeps), **falsely_converged(sweeps, radius)}
 
     sweeps = replayed(test, added, variant.texture)
     memory = localizer.model.drift.memory

@@ -71,7 +71,7 @@ def claims(folder: Path, configuration: Configuration) -> list[dict[str, Any]]:
     for path in (test, *others):
         sweeps = localize(localizer, load_recording(path, scene), 1.0, 1)
         claim = np.concatenate([sweep.probability[sweep.updated] for sweep in sweeps])
-        error = np.concatenate([position_error(scene, sweep)[sweep.updated] for sweep in sweeps])
+        error = np.concatenate([position_error(sweep)[sweep.updated] for sweep in sweeps])
         own = np.full(len(claim), path is test)
         found["claim"].append(claim)
         found["own"].append(own)

@@ -177,8 +177,8 @@ def features() -> None:
         signal = np.sqrt(np.mean((tactile_map.values - tactile_map.background) ** 2, axis=-1))
         x, y = (MM * nodes for nodes in tactile_map.nodes)
         axes.pcolormesh(x, y, np.ma.masked_invalid(signal.T), cmap="Greys", vmax=0.5, zorder=0)
-        draw_paths(axes, SCENE, sweeps, Configuration())
-        verdict = judge(SCENE, sweeps)
+        draw_paths(axes, sweeps)
+        verdict = judge(sweeps)
         axes.set_title(
             f"{title}: {verdict.right} of {verdict.sweeps} sweeps right, {verdict.wrong} ever wrong"
         )

@@ -67,7 +67,7 @@ def _replay(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]) -
         rng = np.random.default_rng(args.seed)
         localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
         sweeps = replay(localizer, with_contact(recording, localizer.model), progress)
-    verdict = judge(scene, sweeps, configuration)
+    verdict = judge(sweeps)
     learned = learned_values(scene, localizer.model, calibration)
     document = replay_document(
         scene, configuration, recording, sweeps, learned, verdict, odometry=odometry, seed=args.seed
@@ -76,7 +76,7 @@ def _replay(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]) -
     if args.plot is not None:
         from tactile_localizer.offline.figures.replay import replay_figure
 
-        write_picture(args.plot, replay_figure(scene, sweeps, configuration))
+        write_picture(args.plot, replay_figure(sweeps))
     notes = [*map(printable, filter(None, (*recording.notes, _misfit(scan, scene, recording))))]
     if args.report is not None:
         from tactile_localizer.offline.reports.replay import replay_report

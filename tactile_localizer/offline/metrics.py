@@ -7,18 +7,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtri
 
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.offline.replay import ReplayedSweep
-from tactile_localizer.scene import Scene
 
 MARKS = (0.0, 0.0025, 0.005, 0.01)
 """Travel after which the error is reported, m."""
-
-_SQUARED_95 = {1: 3.841458820694124, 2: 5.991464547107979, 3: 7.814727903251179}
-"""95 % quantiles of the chi-square distribution, by number of axes."""
 
 _LEAST_FELT = 0.25
 """Regression coefficient of a sweep's strain on the predicted one from which the feature is felt, by
@@ -31,33 +28,33 @@ _MIN_VARIANCE = 1e-18
 """Lower bound of the variance, m² (yaw: rad²): the covariance of identical particles is zero."""
 
 
-def deviation(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
+def deviation(sweep: ReplayedSweep) -> np.ndarray:
     """Estimate minus truth (n, d), along the shortest arc on axes that wrap; NaN where unknown."""
     if sweep.truth is None:
         return np.full(sweep.mean.shape, np.nan)
-    difference = sweep.mean - sweep.truth
-    difference[:, scene.wraps] = wrap_angle(difference[:, scene.wraps])
+    difference, wraps = sweep.mean - sweep.truth, sweep.scene.wraps
+    difference[:, wraps] = wrap_angle(difference[:, wraps])
     return difference
 
 
-def position_error(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
+def position_error(sweep: ReplayedSweep) -> np.ndarray:
     """Distance between estimate and truth without the yaw, (n,) m; NaN where unknown."""
-    lengths = [name != "yaw" for name in scene.axis_names]
-    distance = np.linalg.norm(deviation(scene, sweep)[:, lengths], axis=1)
+    lengths = [name != "yaw" for name in sweep.scene.axis_names]
+    distance = np.linalg.norm(deviation(sweep)[:, lengths], axis=1)
     return distance if any(lengths) else np.full(len(sweep), np.nan)
 
 
-def yaw_error(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
+def yaw_error(sweep: ReplayedSweep) -> np.ndarray:
     """Absolute error of the yaw of a scene that has one, (n,) rad; NaN where unknown."""
-    return np.abs(deviation(scene, sweep)[:, scene.axis_names.index("yaw")])
+    return np.abs(deviation(sweep)[:, sweep.scene.axis_names.index("yaw")])
 
 
-def covered(scene: Scene, sweep: ReplayedSweep) -> np.ndarray:
+def covered(sweep: ReplayedSweep) -> np.ndarray:
     """Whether the 95 % region of each estimate holds the truth, (n,) 1 or 0; NaN where that is unknown."""
     values, vectors = np.linalg.eigh(sweep.covariance)
-    along = np.einsum("ndk,nd->nk", vectors, deviation(scene, sweep))
+    along = np.einsum("ndk,nd->nk", vectors, deviation(sweep))
     squared = np.sum(along**2 / np.maximum(values, _MIN_VARIANCE), axis=1)
-    return np.where(np.isfinite(squared), squared <= _SQUARED_95[scene.dimension], np.nan)
+    return np.where(np.isfinite(squared), squared <= chdtri(sweep.scene.dimension, 0.05), np.nan)
 
 
 def statistics(values: np.ndarray) -> dict[str, Any]:
@@ -113,13 +110,13 @@ def with_contact(recording: Recording, model: SweepMixture) -> Recording:
     return replace(recording, sweeps=tuple(sweeps))
 
 
-def summarize(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> dict[str, Any]:
+def summarize(sweeps: Sequence[ReplayedSweep]) -> dict[str, Any]:
     """Summary of the sweeps by name, in SI units; ``None`` where unknown.
 
     If any sweep reaches contact (:attr:`.ReplayedSweep.reaches_contact`), travel counts from contact, and
     ``error_contact_m`` is from contact to the end of the feature; other sweeps do not count there.
     """
-    errors = [position_error(scene, sweep) for sweep in sweeps]
+    errors = [position_error(sweep) for sweep in sweeps]
     contacts = sum(sweep.reaches_contact for sweep in sweeps)
     after: dict[str, list[float]] = {f"{mark:g}": [] for mark in MARKS}
     for error, sweep in zip(errors, sweeps, strict=True):
@@ -129,7 +126,7 @@ def summarize(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> dict[str, Any]:
             if index < len(sweep) and (sweep.reaches_contact or not contacts):
                 after[f"{mark:g}"].append(error[index])
     arrived = np.array([_travel_to_convergence(sweep) for sweep in sweeps])
-    inside = _pooled([covered(scene, sweep) for sweep in sweeps])
+    inside = _pooled([covered(sweep) for sweep in sweeps])
     summary = {
         "sweeps": len(sweeps),
         "strains": sum(map(len, sweeps)),
@@ -147,8 +144,8 @@ def summarize(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> dict[str, Any]:
         "converged_sweeps": int(np.isfinite(arrived).sum()),
         "travel_to_convergence_m": statistics(arrived),
     }
-    if "yaw" in scene.axis_names:
-        summary["error_rad"] = statistics(_pooled([yaw_error(scene, sweep) for sweep in sweeps]))
+    if sweeps and "yaw" in sweeps[0].scene.axis_names:
+        summary["error_rad"] = statistics(_pooled([yaw_error(sweep) for sweep in sweeps]))
     return summary
 
 

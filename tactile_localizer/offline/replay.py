@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tactile_localizer.core.hypotheses.convergence import State
+from tactile_localizer.core.hypotheses.convergence import ConvergenceCriteria, State
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import NO_CONTACT, RecordedSweep, Recording
@@ -32,6 +32,8 @@ class ReplayedSweep:
 
     Parameters
     ----------
+    scene : scene of the localizer
+    criteria : its thresholds of convergence
     number : number of the sweep
     row : (n,) int, index of the sample in the recorded sweep
     stamp_ns : (n,) int64 stamps, ns
@@ -50,6 +52,8 @@ class ReplayedSweep:
     contact_known : whether it is known
     """
 
+    scene: Scene
+    criteria: ConvergenceCriteria
     number: int
     row: np.ndarray
     stamp_ns: np.ndarray
@@ -117,18 +121,18 @@ def replay(
                 estimate = localizer.update(*sample)
                 taken.append((row, estimate, time.thread_time() - began))
         done += len(sweep)
-        replayed.append(_replayed_sweep(localizer.scene, sweep, taken))
+        replayed.append(_replayed_sweep(localizer, sweep, taken))
     if progress is not None:
         progress("replaying", 1.0)
     return replayed
 
 
 def _replayed_sweep(
-    scene: Scene, sweep: RecordedSweep, taken: Sequence[tuple[int, Estimate, float]]
+    localizer: Localizer, sweep: RecordedSweep, taken: Sequence[tuple[int, Estimate, float]]
 ) -> ReplayedSweep:
     """The replayed sweep with the estimates at some of its rows, and their computing times."""
-    d, row = scene.dimension, np.array([row for row, _, _ in taken], dtype=np.intp)
-    reference = sweep.position
+    scene, row = localizer.scene, np.array([row for row, _, _ in taken], dtype=np.intp)
+    d, reference = scene.dimension, sweep.position
     if sweep.truth is not None and np.isfinite(sweep.truth).all():
         reference = sweep.truth
 
@@ -136,6 +140,8 @@ def _replayed_sweep(
         return np.array([getattr(estimate, name) for _, estimate, _ in taken])
 
     return ReplayedSweep(
+        scene=scene,
+        criteria=localizer.criteria,
         number=sweep.number,
         row=row,
         stamp_ns=sweep.stamp_ns[row],

@@ -59,7 +59,7 @@ def replay_document(
     seed : random seed
     """
     return {
-        "summary": {"scene": scene.name, "odometry": odometry, "seed": seed, **summarize(scene, sweeps)},
+        "summary": {"scene": scene.name, "odometry": odometry, "seed": seed, **summarize(sweeps)},
         "verdict": {"success": verdict.success, **asdict(verdict)},
         "timing": timing(sweeps),
         "recording": {"source": recording.source, "notes": recording.notes},
@@ -67,11 +67,11 @@ def replay_document(
         "learned": dict(learned),
         "scene": scene_to_dict(scene),
         "axes": scene.axis_names,
-        "updates": updates(scene, sweeps),
+        "updates": updates(sweeps),
     }
 
 
-def updates(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> Iterator[dict[str, Any]]:
+def updates(sweeps: Sequence[ReplayedSweep]) -> Iterator[dict[str, Any]]:
     """Rows of all estimates of a replay."""
     for sweep in sweeps:
         truth = np.full(sweep.mean.shape, np.nan) if sweep.truth is None else sweep.truth
@@ -86,11 +86,11 @@ def updates(scene: Scene, sweeps: Sequence[ReplayedSweep]) -> Iterator[dict[str,
             "state": [state.value for state in sweep.state],
             "travel_m": sweep.travel,
             "truth": [row if np.isfinite(row).all() else None for row in truth],
-            "error_m": position_error(scene, sweep),
+            "error_m": position_error(sweep),
         }
         for name in ("reason", "probability", "on_map", "log_marginal", "updated"):
             columns[name] = getattr(sweep, name)
-        if "yaw" in scene.axis_names:
-            columns["error_rad"] = yaw_error(scene, sweep)
+        if "yaw" in sweep.scene.axis_names:
+            columns["error_rad"] = yaw_error(sweep)
         for row in zip(*columns.values(), strict=True):
             yield dict(zip(columns, row, strict=True))

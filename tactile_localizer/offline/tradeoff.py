@@ -190,7 +190,7 @@ def _measure(
     kept = [np.flatnonzero(sweep.on_contact | (not has_contact)) for sweep in sweeps]
     errors, inside = (
         [
-            values(scene, sweep)[rows].mean() if len(rows) else np.nan
+            values(sweep)[rows].mean() if len(rows) else np.nan
             for sweep, rows in zip(sweeps, kept, strict=True)
         ]
         for values in (position_error, covered)
@@ -199,7 +199,7 @@ def _measure(
         candidate,
         np.array(errors),
         float(np.nanmean(inside)),
-        judge(scene, sweeps, configuration),
+        judge(sweeps),
         *(times[name] for name in ("update_median_us", "update_p99_us", "us_per_mm")),
     )
 

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
-from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import convergence_criteria
-from tactile_localizer.core.hypotheses.convergence import ConvergenceCriteria
 from tactile_localizer.offline.axes import describe_sizes
 from tactile_localizer.offline.metrics import deviation, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
-from tactile_localizer.scene import Scene
+
+
+class Outcome(Enum):
+    """What became of a sweep, in words, from bad to good; see :class:`Verdict`."""
+
+    WRONG = "wrong"
+    NEVER = "never converged"
+    LOST = "not converged at its end"
+    RIGHT = "right"
+    NO_CONTACT = "no contact"
 
 
 @dataclass(frozen=True)
@@ -64,73 +72,62 @@ class Verdict:
         )
 
 
-def judge(
-    scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Configuration | None = None
-) -> Verdict:
-    """Verdict on the sweeps of a replay.
-
-    Parameters
-    ----------
-    scene : scene of the localizer
-    sweeps : its estimates, with the contact of each sweep (:func:`~.offline.metrics.with_contact`)
-    configuration : gives the criteria of convergence; default: those of the filter node
-    """
-    criteria = convergence_criteria(scene, configuration or Configuration())
-    right = wrong = early = never = expected = 0
-    notes = []
-    for sweep in sweeps:
-        converges, first = bool(sweep.converged.any()), sweep.contact[0]
-        is_early = bool((sweep.converged & ((sweep.row < first) | (first < 0))).any())
-        early += is_early and sweep.contact_known
-        touched = sweep.travel[sweep.on_contact]
-        brushes = sweep.contact_known and (touched[-1:] - touched[:1]).sum() < criteria.sustain
-        if brushes and not converges:
-            continue
-        expected += 1
-        never += not converges
-        relative = relative_error(scene, sweep, criteria)
-        if (relative > 1.0).any():
-            wrong += 1
-            worst = describe_sizes(scene, np.abs(deviation(scene, sweep)[relative.argmax()]))
-            notes.append(f"sweep {sweep.number} was converged to a wrong position, off by {worst}")
-        elif _is_converged_at_an_end(sweep):
-            right += 1
-        else:
+def judge(sweeps: Sequence[ReplayedSweep]) -> Verdict:
+    """Verdict on the sweeps of a replay, with their contact (:func:`~.offline.metrics.with_contact`)."""
+    outcomes = [outcome(sweep) for sweep in sweeps]
+    count, early, notes = Counter(outcomes), 0, []
+    for sweep, found in zip(sweeps, outcomes, strict=True):
+        first = sweep.contact[0]
+        is_early = (sweep.converged & ((sweep.row < first) | (first < 0))).any()
+        early += bool(sweep.contact_known and is_early)
+        if found is Outcome.WRONG:
+            off = describe_sizes(sweep.scene, np.abs(deviation(sweep)[relative_error(sweep).argmax()]))
+            notes.append(f"sweep {sweep.number} was converged to a wrong position, off by {off}")
+        elif found in (Outcome.NEVER, Outcome.LOST):
             notes.append(f"sweep {sweep.number} {_reason(sweep)}")
-    has_truth = any(sweep.truth is not None for sweep in sweeps)
-    return Verdict(len(sweeps), expected, right, wrong, early, never, has_truth, tuple(notes))
+    return Verdict(
+        sweeps=len(sweeps),
+        expected=len(sweeps) - count[Outcome.NO_CONTACT],
+        right=count[Outcome.RIGHT],
+        wrong=count[Outcome.WRONG],
+        early=early,
+        never=count[Outcome.NEVER],
+        has_truth=any(sweep.truth is not None for sweep in sweeps),
+        notes=tuple(notes),
+    )
 
 
-def relative_error(scene: Scene, sweep: ReplayedSweep, criteria: ConvergenceCriteria) -> np.ndarray:
+def outcome(sweep: ReplayedSweep) -> Outcome:
+    """What became of a sweep."""
+    in_contact = sweep.converged[sweep.on_contact]
+    if (relative_error(sweep) > 1.0).any():
+        return Outcome.WRONG
+    if not sweep.converged.any():
+        touched = sweep.travel[sweep.on_contact]
+        brushes = sweep.contact_known and (touched[-1:] - touched[:1]).sum() < sweep.criteria.sustain
+        return Outcome.NO_CONTACT if brushes else Outcome.NEVER
+    is_right = in_contact[-1:].any() or sweep.converged[-1]
+    return Outcome.RIGHT if is_right else Outcome.LOST
+
+
+def relative_error(sweep: ReplayedSweep) -> np.ndarray:
     """Error while converged by the convergence radius, (n,); more than 1 is wrong, 0 also where unknown."""
-    error = np.nan_to_num(deviation(scene, sweep)) * sweep.converged[:, None]
-    return np.linalg.norm(error / criteria.radius, axis=1)
+    error = np.nan_to_num(deviation(sweep)) * sweep.converged[:, None]
+    return np.linalg.norm(error / sweep.criteria.radius, axis=1)
 
 
-def worst_sweep(
-    scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Configuration | None = None
-) -> int | None:
+def worst_sweep(sweeps: Sequence[ReplayedSweep]) -> int | None:
     """Index of the sweep of the largest wrong claim, else one that is not right, else the last to converge.
 
-    Parameters
-    ----------
-    scene, sweeps, configuration : as for :func:`judge`
+    ``None`` where no sample was usable.
     """
-    criteria = convergence_criteria(scene, configuration or Configuration())
 
     def badness(index: int) -> tuple[float, ...]:
-        sweep = sweeps[index]
-        verdict, error = judge(scene, [sweep], configuration), relative_error(scene, sweep, criteria).max()
-        arrived = travel_from_contact(sweep)[sweep.converged][:1].sum()
-        return verdict.wrong * error, verdict.expected - verdict.right, verdict.right, arrived
+        found, arrived = outcome(sweeps[index]), travel_from_contact(sweeps[index])[sweeps[index].converged]
+        error = relative_error(sweeps[index]).max() * (found is Outcome.WRONG)
+        return error, found in (Outcome.NEVER, Outcome.LOST), found is Outcome.RIGHT, arrived[:1].sum()
 
     return max((index for index, sweep in enumerate(sweeps) if len(sweep)), key=badness, default=None)
-
-
-def _is_converged_at_an_end(sweep: ReplayedSweep) -> bool:
-    """Whether a sweep is converged at the end of its contact, or at its own."""
-    in_contact = sweep.converged[sweep.on_contact]
-    return bool(in_contact[-1:].any() or sweep.converged[-1:].any())
 
 
 def _reason(sweep: ReplayedSweep) -> str:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from support.replays import SHEET, replayed
 
-from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.offline.verdict import judge, worst_sweep
 from tactile_localizer.scene import Axis
 
@@ -20,8 +19,13 @@ LATE = np.arange(10) >= 4
 """Converged from the estimate after contact on."""
 
 
+def wide(sweep, radius):
+    """The sweep with another radius of convergence on each axis, m (yaw: rad)."""
+    return replace(sweep, criteria=replace(sweep.criteria, radius=np.full(2, radius)))
+
+
 def counts(*sweeps):
-    verdict = judge(SHEET, sweeps)
+    verdict = judge(sweeps)
     return verdict.expected, verdict.right, verdict.wrong, verdict.early, verdict.never, verdict.success
 
 
@@ -55,18 +59,18 @@ def test_a_sweep_that_was_ever_converged_off_the_position_is_wrong() -> None:
     wrong = replayed(errors, converged=LATE, number=4, **TOUCHES)
     right = replayed(np.zeros((10, 2)), converged=LATE, **TOUCHES)
     assert counts(right, wrong) == (2, 1, 1, 0, 0, False)
-    verdict = judge(SHEET, [right, wrong])
+    verdict = judge([right, wrong])
     assert verdict.notes == ("sweep 4 was converged to a wrong position, off by x 26.20 mm, y 0.00 mm",)
     assert str(verdict) == "NOT localized: 1 of 2 sweeps right, 1 ever wrong, 0 converged early, 0 never"
-    assert judge(SHEET, [right, wrong], Configuration(convergence_radius=0.03)).success
+    assert judge([wide(right, 0.03), wide(wrong, 0.03)]).success
     assert counts(right, replayed(errors, converged=np.arange(10) > 5, **TOUCHES))[-1]
 
 
 def test_a_wrong_yaw_is_a_wrong_position() -> None:
     scene = replace(SHEET, axes=(SHEET.axes[0], Axis("yaw", -math.pi, math.pi)))
-    turned = replayed([[0.0, 2 * math.pi - 0.1], [0.0, 0.3]], converged=[True, True])
-    assert judge(scene, [turned]).wrong == 1
-    assert judge(scene, [turned], Configuration(convergence_yaw_radius=0.4)).success
+    turned = replayed([[0.0, 2 * math.pi - 0.1], [0.0, 0.3]], converged=[True, True], scene=scene)
+    assert judge([wide(turned, 0.15)]).wrong == 1
+    assert judge([wide(turned, 0.4)]).success
 
 
 def test_the_worst_sweep_is_wrong_else_not_right_else_the_last_to_converge() -> None:
@@ -78,5 +82,5 @@ def test_the_worst_sweep_is_wrong_else_not_right_else_the_last_to_converge() -> 
     farther = replayed(np.full((10, 2), 2 * OFF), converged=LATE, **TOUCHES)
     sweeps = [blank, soon, late, never, off, farther]
     for count in range(1, len(sweeps) + 1):
-        assert worst_sweep(SHEET, [*sweeps[:count], empty]) == count - 1
-    assert worst_sweep(SHEET, [empty]) is None
+        assert worst_sweep([*sweeps[:count], empty]) == count - 1
+    assert worst_sweep([empty]) is None

@@ -9,13 +9,10 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.offline.axes import MM, axis_label, display_units
-from tactile_localizer.offline.figures.replay import CONVERGED, SEARCHING, WRONG, travel_label
+from tactile_localizer.offline.figures.replay import CONVERGED, SEARCHING, draw_claims, travel_label
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
-from tactile_localizer.offline.verdict import relative_error
 from tactile_localizer.scene import Scene
 
 _BELIEF = "Blues"
@@ -25,7 +22,6 @@ _TRUTH = "tab:red"
 
 
 def belief_figure(
-    scene: Scene,
     sweep: ReplayedSweep,
     moments: Sequence[int],
     beliefs: Sequence[tuple[np.ndarray, np.ndarray]],
@@ -37,13 +33,12 @@ def belief_figure(
 
     Parameters
     ----------
-    scene : scene of the localizer
     sweep : estimates along the sweep
     moments : indices of estimates
     beliefs : states (P, d) and weights (P,) at each moment
     size_in : width and height, inches
     """
-    figure = Figure(figsize=size_in, layout="constrained")
+    figure, scene = Figure(figsize=size_in, layout="constrained"), sweep.scene
     columns = 2 if len(moments) > 1 else 1
     plots = figure.subplots(-(-len(moments) // columns), columns, sharex=True, sharey=True, squeeze=False)
     for plot in plots.flat[len(moments) :]:
@@ -63,34 +58,25 @@ def belief_figure(
     return figure
 
 
-def progress_figure(
-    scene: Scene,
-    sweep: ReplayedSweep,
-    moments: Sequence[int],
-    configuration: Configuration,
-    size_in: tuple[float, float],
-) -> Figure:
+def progress_figure(sweep: ReplayedSweep, moments: Sequence[int], size_in: tuple[float, float]) -> Figure:
     """The probability, and the error where the truth is known, along a sweep with its moments A, B, ...
 
     Parameters
     ----------
-    scene, sweep, moments, size_in : as for :func:`belief_figure`
-    configuration : gives the threshold of the probability, and the radius beyond which a claim is wrong
+    sweep, moments, size_in : as for :func:`belief_figure`
     """
     figure = Figure(figsize=size_in, layout="constrained")
-    wrong = relative_error(scene, sweep, convergence_criteria(scene, configuration)) > 1.0
-    error, travel = MM * position_error(scene, sweep), MM * travel_from_contact(sweep)
+    error, travel = MM * position_error(sweep), MM * travel_from_contact(sweep)
     rows = [("probability", sweep.probability)]
     if np.isfinite(error).any():
         rows.append(("error, mm", error))
     plots = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
     for plot, (label, values) in zip(plots, rows, strict=True):
         plot.plot(travel, values, color=SEARCHING, lw=1.0)
-        for claim, colour in ((sweep.converged, CONVERGED), (wrong, WRONG)):
-            plot.plot(travel, np.where(claim, values, np.nan), color=colour, lw=1.6)
+        draw_claims(plot, sweep, travel, values, 1.6)
         plot.set(ylabel=label, ylim=(0.0, 1.05 if label == "probability" else None))
         plot.vlines(travel[list(moments)], *plot.get_ylim(), color="0.6", lw=0.7, ls=":")
-    plots[0].axhline(configuration.convergence_probability, color="0.4", ls="--", lw=0.8)
+    plots[0].axhline(sweep.criteria.probability, color="0.4", ls="--", lw=0.8)
     for letter, moment in zip("ABCDEFGH", moments, strict=False):
         plots[0].text(travel[moment], 1.07, letter, ha="center", va="bottom")
     plots[-1].set_xlabel(travel_label([sweep]))

@@ -11,48 +11,34 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.offline.axes import MM, axis_label, display_units
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.offline.verdict import relative_error
-from tactile_localizer.scene import Scene
 
 SEARCHING, CONVERGED, WRONG = "0.7", "tab:green", "tab:red"
 """Colours of estimates by what they claim."""
 
 
-def replay_figure(
-    scene: Scene,
-    sweeps: Sequence[ReplayedSweep],
-    configuration: Configuration,
-    size_in: tuple[float, float] = (8.0, 6.0),
-) -> Figure:
+def replay_figure(sweeps: Sequence[ReplayedSweep], size_in: tuple[float, float] = (8.0, 6.0)) -> Figure:
     """Error (if the truth is known) and standard deviation of the position, coloured while converged.
 
     Parameters
     ----------
-    scene : scene of the localizer
     sweeps : estimates, one sweep per sweep
-    configuration : gives the radius beyond which a converged estimate is wrong
     size_in : width and height, inches
     """
-    lengths = [index for index, axis in enumerate(scene.axes) if axis.name != "yaw"]
     has_truth = any(sweep.truth is not None for sweep in sweeps)
     titles = [*(("error, mm",) if has_truth else ()), "standard deviation, mm"]
     figure = Figure(figsize=size_in, layout="constrained")
     plots = figure.subplots(len(titles), 1, sharex=True, squeeze=False)[:, 0]
-    criteria = convergence_criteria(scene, configuration)
     for sweep in sweeps:
-        wrong = relative_error(scene, sweep, criteria) > 1.0
-        travel = MM * travel_from_contact(sweep)
+        lengths = [name != "yaw" for name in sweep.scene.axis_names]
         variances = np.diagonal(sweep.covariance, axis1=1, axis2=2)[:, lengths]
-        rows = MM * position_error(scene, sweep), MM * np.sqrt(variances.sum(axis=1))
+        rows = MM * position_error(sweep), MM * np.sqrt(variances.sum(axis=1))
         for plot, values in zip(plots, rows[-len(plots) :], strict=True):
-            plot.plot(travel, values, color=SEARCHING, linewidth=0.8)
-            for claim, colour in ((sweep.converged, CONVERGED), (wrong, WRONG)):
-                plot.plot(travel, np.where(claim, values, np.nan), color=colour, linewidth=1.2)
+            plot.plot(MM * travel_from_contact(sweep), values, color=SEARCHING, linewidth=0.8)
+            draw_claims(plot, sweep, MM * travel_from_contact(sweep), values, 1.2)
     for plot, title in zip(plots, titles, strict=True):
         plot.set_ylabel(title)
         plot.set_ylim(bottom=0.0)
@@ -62,33 +48,25 @@ def replay_figure(
     return figure
 
 
-def paths_figure(
-    scene: Scene,
-    sweeps: Sequence[ReplayedSweep],
-    configuration: Configuration,
-    size_in: tuple[float, float] = (8.0, 8.0),
-) -> Figure:
+def paths_figure(sweeps: Sequence[ReplayedSweep], size_in: tuple[float, float] = (8.0, 8.0)) -> Figure:
     """Where the palm was along each sweep, by what the estimate claimed there; a dot where a sweep begins.
 
     Where the truth is unknown, the converged estimates are shown. On one axis sweeps lie side by side.
 
     Parameters
     ----------
-    scene, sweeps, configuration, size_in : as for :func:`replay_figure`
+    sweeps, size_in : as for :func:`replay_figure`; at least one sweep
     """
     figure = Figure(figsize=size_in, layout="constrained")
-    draw_paths(figure.subplots(), scene, sweeps, configuration)
+    draw_paths(figure.subplots(), sweeps)
     add_legend(figure)
     return figure
 
 
-def draw_paths(
-    plot: Axes, scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Configuration
-) -> None:
+def draw_paths(plot: Axes, sweeps: Sequence[ReplayedSweep]) -> None:
     """Draw what :func:`paths_figure` shows, without its legend."""
-    criteria = convergence_criteria(scene, configuration)
+    scene = sweeps[0].scene
     for sweep in sweeps:
-        wrong = relative_error(scene, sweep, criteria) > 1.0
         places = sweep.mean if sweep.truth is None else sweep.truth
         x = display_units(scene.axis_names[0], places[:, 0])
         y = np.full(len(sweep), float(sweep.number))
@@ -97,8 +75,7 @@ def draw_paths(
         if sweep.truth is not None:
             plot.plot(x, y, color=SEARCHING, lw=1.0, zorder=1)
             plot.plot(x[:1], y[:1], "o", color=SEARCHING, ms=3, zorder=1)
-        for claim, colour in ((sweep.converged, CONVERGED), (wrong, WRONG)):
-            plot.plot(x, np.where(claim, y, np.nan), color=colour, lw=2.0)
+        draw_claims(plot, sweep, x, y, 2.0)
     plot.set_xlabel(axis_label(scene.axis_names[0]))
     if scene.dimension == 1:
         plot.set_ylabel("sweep")
@@ -109,6 +86,12 @@ def draw_paths(
     (left, right), (low, high) = corners
     plot.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ec="0.8", zorder=0))
     plot.set_aspect("auto" if "yaw" in scene.axis_names[:2] else "equal")
+
+
+def draw_claims(plot: Axes, sweep: ReplayedSweep, x: np.ndarray, y: np.ndarray, width_pt: float) -> None:
+    """Draw the parts of a line (n,) along a sweep where it has converged, and where that is wrong."""
+    for claim, colour in ((sweep.converged, CONVERGED), (relative_error(sweep) > 1.0, WRONG)):
+        plot.plot(x, np.where(claim, y, np.nan), color=colour, lw=width_pt)
 
 
 def add_legend(figure: Figure) -> None:

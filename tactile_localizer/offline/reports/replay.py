@@ -11,8 +11,6 @@ import matplotlib as mpl
 import numpy as np
 
 from tactile_localizer.core.calibration.examination import Examination
-from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError
@@ -36,13 +34,15 @@ from tactile_localizer.offline.reports.page import (
     yaml_text,
 )
 from tactile_localizer.offline.reports.parts import examination_sections, map_section
-from tactile_localizer.offline.verdict import judge, relative_error, worst_sweep
+from tactile_localizer.offline.verdict import Outcome, judge, outcome, relative_error, worst_sweep
 from tactile_localizer.scene import Scene
 
 _NOTES = 12
 """Most notes beside the verdict."""
 _MOMENTS = 4
 """Moments of the worst sweep at which its belief is shown."""
+_QUALITY = {Outcome.RIGHT: "good", Outcome.NO_CONTACT: ""}
+"""Classes of the rows of sweeps; others are bad."""
 
 
 def replay_report(
@@ -68,25 +68,24 @@ def replay_report(
     notes : lines about the recording that need attention
     examination : of the scan
     """
-    verdict, configuration = document["verdict"], document["configuration"]
-    radius = describe_sizes(scene, convergence_criteria(scene, configuration).radius)
+    verdict, radius = judge(sweeps), describe_sizes(scene, localizer.criteria.radius)
     explained = "The true positions are unknown, so a sweep that converged may be wrong."
-    if verdict["has_truth"]:
+    if verdict.has_truth:
         explained = f"Right: converged at the end of contact or sweep, and never off by more than {radius}."
     sections = [
         *examination_sections(examination, scene, examination_findings(scene, examination)),
         map_section(scan, scene, recording),
-        _sweeps(scene, sweeps, configuration),
-        *_worst_sweep(scene, sweeps, recording, localizer, configuration),
+        *_sweeps(sweeps),
+        *_worst_sweep(sweeps, recording, localizer, document["configuration"].filter),
         _settings(document, scan_name, scene),
     ]
     return html_page(
         kind="Replay of a recording",
         title=f"{file_names(document['recording']['source'])} on {file_names(scan_name)}",
-        good=verdict["success"],
-        verdict=sentence(str(judge(scene, sweeps, configuration))),
+        good=verdict.success,
+        verdict=sentence(str(verdict)),
         explained=explained,
-        notes=_first([*notes, *verdict["notes"]]),
+        notes=_first([*notes, *verdict.notes]),
         tiles=_tiles(document),
         sections=sections,
     )
@@ -113,12 +112,13 @@ def _tiles(document: Mapping[str, Any]) -> list[tuple[str, str]]:
     return tiles
 
 
-def _sweeps(scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Configuration) -> Section:
-    """Error along the sweeps, where they converge, and a row for each."""
-    estimated = [sweep for sweep in sweeps if len(sweep)]
+def _sweeps(sweeps: Sequence[ReplayedSweep]) -> list[Section]:
+    """Error along the sweeps, where they converge, and a row for each; none without sweeps."""
+    if not sweeps:
+        return []
     with mpl.rc_context(PAGE_STYLE):
-        error = replay_figure(scene, estimated, configuration, (WIDTH_IN, WIDTH_IN))
-        paths = paths_figure(scene, estimated, configuration, (WIDTH_IN, WIDTH_IN))
+        errors = replay_figure(sweeps, (WIDTH_IN, WIDTH_IN))
+        paths = paths_figure(sweeps, (WIDTH_IN, WIDTH_IN))
     columns = (
         "sweep",
         "outcome",
@@ -129,93 +129,61 @@ def _sweeps(scene: Scene, sweeps: Sequence[ReplayedSweep], configuration: Config
     )
     rows = []
     for sweep in sweeps:
-        outcome, quality = _outcome(scene, sweep, configuration)
-        distance, travel = MM * position_error(scene, sweep), MM * travel_from_contact(sweep)
-        numbers = (
-            travel[sweep.converged][:1],
-            distance[-1:],
-            np.atleast_1d(_largest(distance[sweep.converged])),
-        )
-        reason = "" if quality == "good" or not len(sweep) else sweep.reason[-1]
-        rows.append((quality, (str(sweep.number), outcome, *map(_number, numbers), reason)))
+        found, error = outcome(sweep), MM * position_error(sweep)
+        claimed = error[sweep.converged & np.isfinite(error)]
+        arrived = MM * travel_from_contact(sweep)[sweep.converged]
+        numbers = map(_number, (arrived, error[-1:], np.sort(claimed)[-1:]))
+        reason = "" if found is Outcome.RIGHT else "".join(sweep.reason[-1:])
+        name = "converged" if found is Outcome.RIGHT and sweep.truth is None else found.value
+        rows.append((_QUALITY.get(found, "bad"), (str(sweep.number), name, *numbers, reason)))
     table = Section(f"All {len(rows)} sweeps", columns=columns, numbers=columns[2:5], rows=rows)
-    return Section(
-        "Error along the sweeps",
-        figures=[
-            (svg(error, "error"), "Error, and what the estimate says of it, along each sweep."),
-            (svg(paths, "paths"), "Where the palm was, and what the estimate claimed there."),
-        ],
-        folded=[table],
-    )
-
-
-def _outcome(scene: Scene, sweep: ReplayedSweep, configuration: Configuration) -> tuple[str, str]:
-    """Outcome of one sweep by the verdict's definitions, and whether it is good, bad or neither."""
-    verdict = judge(scene, [sweep], configuration)
-    if not verdict.expected:
-        return "no contact", ""
-    if verdict.wrong:
-        return "wrong", "bad"
-    if verdict.right:
-        return ("right" if verdict.has_truth else "converged"), "good"
-    return ("never converged" if verdict.never else "not converged at its end"), "bad"
+    figures = [
+        (svg(errors, "error"), "Error, and what the estimate says of it, along each sweep."),
+        (svg(paths, "paths"), "Where the palm was, and what the estimate claimed there."),
+    ]
+    return [Section("Error along the sweeps", figures=figures, folded=[table])]
 
 
 def _worst_sweep(
-    scene: Scene,
-    sweeps: Sequence[ReplayedSweep],
-    recording: Recording,
-    localizer: Localizer,
-    configuration: Configuration,
+    sweeps: Sequence[ReplayedSweep], recording: Recording, localizer: Localizer, filter_name: str
 ) -> list[Section]:
     """The sweep that a reader wants to see first, with its belief; none where no sample was usable."""
-    worst = worst_sweep(scene, sweeps, configuration)
+    worst = worst_sweep(sweeps)
     if worst is None:
         return []
     sweep = sweeps[worst]
-    error = relative_error(scene, sweep, convergence_criteria(scene, configuration))
-    moments = _moments(sweep, error)
+    moments = _moments(sweep)
     beliefs = _beliefs(localizer, recording.sweeps[worst], sweep.row[moments].tolist())
     with mpl.rc_context(PAGE_STYLE):
-        belief = belief_figure(scene, sweep, moments, beliefs, (WIDTH_IN, WIDTH_IN))
-        progress = progress_figure(scene, sweep, moments, configuration, (WIDTH_IN, 0.8 * WIDTH_IN))
-    notes = judge(scene, [sweep], configuration).notes
+        belief = belief_figure(sweep, moments, beliefs, (WIDTH_IN, WIDTH_IN))
+        progress = progress_figure(sweep, moments, (WIDTH_IN, 0.8 * WIDTH_IN))
     what = f"sweep {sweep.number} did not converge, and did not have to"
     if sweep.converged.any():
         what = f"sweep {sweep.number} converged after the longest travel"
-    lines = [f"{sentence(notes[0] if notes else what)}."]
-    if configuration.filter == "particle":
+    lines = [f"{sentence(next(iter(judge([sweep]).notes), what))}."]
+    if filter_name == "particle":
         lines.append("The belief is of another run of the particle filter, with other random numbers.")
-    error, travel = MM * position_error(scene, sweep), MM * travel_from_contact(sweep)
+    error, travel = MM * position_error(sweep), MM * travel_from_contact(sweep)
     columns = ("moment", "travel, mm", "probability", "error, mm", "reason")
-    rows = [
-        (
-            "",
-            (
-                letter,
-                f"{travel[at]:.1f}",
-                f"{sweep.probability[at]:.3f}",
-                _number(error[at:]),
-                sweep.reason[at],
-            ),
-        )
-        for letter, at in zip("ABCDEFGH", moments, strict=False)
-    ]
+    rows = []
+    for letter, at in zip("ABCDEFGH", moments, strict=False):
+        numbers = f"{travel[at]:.1f}", f"{sweep.probability[at]:.3f}", _number(error[at:])
+        rows.append(("", (letter, *numbers, sweep.reason[at])))
     caption = "The belief at four moments; darker is more probable, the red cross is the true position."
     figures = [
         (svg(belief, "belief"), caption),
         (svg(progress, "progress"), "Probability and error along the sweep; dashed: the threshold."),
     ]
-    section = Section("The worst sweep", lines, figures, columns, columns[1:4], rows)
-    return [section]
+    return [Section("The worst sweep", lines, figures, columns, columns[1:4], rows)]
 
 
-def _moments(sweep: ReplayedSweep, relative_error: np.ndarray) -> list[int]:
+def _moments(sweep: ReplayedSweep) -> list[int]:
     """Estimates to show: contact, the most wrong claim or convergence, the end, and between them."""
+    error = relative_error(sweep)
     first = int(np.searchsorted(sweep.row[:-1], max(sweep.contact[0], 0)))
     converged = np.flatnonzero(sweep.converged)
     best = int(converged[0]) if len(converged) else int(np.argmax(sweep.probability))
-    shown = int(np.argmax(relative_error)) if (relative_error > 1.0).any() else best
+    shown = int(np.argmax(error)) if (error > 1.0).any() else best
     found = {first, shown, len(sweep) - 1}
     while len(found) < _MOMENTS and np.diff(at := sorted(found)).max(initial=0) > 1:
         gap = int(np.diff(at).argmax())
@@ -265,11 +233,6 @@ def _first(notes: Sequence[str]) -> list[str]:
     """The first of many notes, and how many more there are."""
     more = len(notes) - _NOTES
     return [*notes[:_NOTES], *([f"and {more} more, which the table of the sweeps has"] if more > 0 else [])]
-
-
-def _largest(values: np.ndarray) -> float:
-    values = values[np.isfinite(values)]
-    return float(values.max()) if len(values) else np.nan
 
 
 def _number(values: np.ndarray) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.hypotheses.convergence import State
+from tactile_localizer.core.hypotheses.convergence import ConvergenceCriteria, State
 from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -30,6 +30,8 @@ def replayed(
     flags = np.zeros(n, dtype=bool) if converged is None else converged
     return ReplayedSweep(
         **{
+            "scene": SHEET,
+            "criteria": ConvergenceCriteria(np.array([0.0075, 0.0075])),
             "number": 0,
             "row": np.arange(n),
             "stamp_ns": np.arange(n, dtype=np.int64),

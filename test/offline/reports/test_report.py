@@ -104,6 +104,14 @@ def test_a_replays_report_has_what_a_reader_looks_for(folder: Path) -> None:
     assert page.elements.count("svg") == 10
 
 
+def test_a_recording_without_sweeps_is_reported(folder: Path, tmp_path: Path) -> None:
+    empty, report = tmp_path / "empty_scan", tmp_path / "report.html"
+    empty.mkdir()
+    shutil.copy(folder / "bump_scan/scene.yaml", empty)
+    assert run(f"replay {empty} --scan {folder}/bump_scan --report {report}") == 1
+    assert "NOT localized" in Page(report).text
+
+
 def test_a_scans_report_has_its_totals_map_and_findings(folder: Path) -> None:
     page = Page(folder / "scan.html")
     for text in (
@@ -179,7 +187,7 @@ def test_without_a_truth_the_report_says_that_a_claim_may_be_wrong(folder: Path,
     localizer = make_localizer(scan, scene, scan_file=folder / "bump_scan")
     recording = Recording("a_bag", tuple(replace(sweep, truth=None) for sweep in sweeps))
     replayed, configuration = replay(localizer, recording), Configuration()
-    verdict = judge(scene, replayed, configuration)
+    verdict = judge(replayed)
     document = replay_document(
         scene, configuration, recording, replayed, {}, verdict, odometry="recorded", seed=1
     )
