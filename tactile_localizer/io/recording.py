@@ -218,6 +218,7 @@ def pose_notes(
     pose_ns: np.ndarray,
     position: np.ndarray,
     max_gap_s: float,
+    shift: str = "",
 ) -> Iterator[str]:
     """Findings about poses that strain is paired with: another clock, slow ones, an implausible motion.
 
@@ -228,11 +229,12 @@ def pose_notes(
     stamp_ns : (n,) stamps of the strain, ns
     pose_ns, position : (m,) and (m, d) stamps of the poses, ns, and palm positions, m (yaw: rad)
     max_gap_s : longest time between two poses across which is interpolated, s
+    shift : advice where the clocks differ
     """
     if not len(pose_ns):
         return
     if gaps := describe_gaps(stamp_ns, pose_ns, max_gap_s):
-        yield f"{what}: {gaps}"
+        yield f"{what}: {gaps}" + shift * ("another clock" in gaps)
     run = runs_of(pose_ns)
     motions = (
         describe_motion(axes, pose_ns[run == number], position[run == number], moves=False)

@@ -148,7 +148,7 @@ def pair_recorded(
 
 
 def describe_gaps(stamp_ns: np.ndarray, pose_ns: np.ndarray, max_gap_s: float) -> str:
-    """Why strain vectors have no pose close enough in time, in one line: another clock, or slow poses.
+    """Why strain vectors have no pose close enough in time, in one line: another clock, few or slow poses.
 
     Parameters
     ----------
@@ -156,14 +156,14 @@ def describe_gaps(stamp_ns: np.ndarray, pose_ns: np.ndarray, max_gap_s: float) -
     max_gap_s : longest time between two poses across which is interpolated, s
     """
     (begin, end), (first, last) = ((each.min(), each.max()) for each in (stamp_ns, pose_ns))
+    seconds = (each / NANOSECONDS for each in (begin, end, first, last))
+    ranges = "strain from {:.3f} to {:.3f} s, poses from {:.3f} to {:.3f} s".format(*seconds)
     if last < begin or first > end:
         ahead_s = round((first - begin) / NANOSECONDS, 3)
         way = "ahead of" if ahead_s > 0 else "behind"
-        ranges = "strain from {:.3f} to {:.3f} s, poses from {:.3f} to {:.3f} s"
-        seconds = (each / NANOSECONDS for each in (begin, end, first, last))
-        return (
-            f"the poses are {abs(ahead_s):.15g} s {way} the strain, another clock? {ranges.format(*seconds)}"
-        )
+        return f"the poses are {abs(ahead_s):.15g} s {way} the strain, another clock? {ranges}"
+    if 2 * np.count_nonzero((stamp_ns < first) | (stamp_ns > last)) > len(stamp_ns):
+        return f"most of the strain is before or after all poses: {ranges}"
     apart_s = float(np.median(np.abs(np.diff(pose_ns)))) / NANOSECONDS if len(pose_ns) > 1 else 0.0
     if apart_s <= max_gap_s:
         return ""

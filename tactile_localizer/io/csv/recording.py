@@ -111,12 +111,11 @@ def _read_file(
         poses = read_table(pose_path, scene, naming, stamp, axes, {})
         notes += [*poses.notes, *_yaw_notes(pose_path, naming, axes, poses)]
         notes += late_notes(runs_of(poses.stamp_ns), f"rows of {pose_path}")
-        notes += pose_notes(str(pose_path), scene.axes, table.stamp_ns, *poses[:2], max_gap_s)
+        shift = f"; --column pose_stamp_s={naming.of(stamp).names[0]}-SECONDS shifts the poses"
+        notes += pose_notes(str(pose_path), scene.axes, table.stamp_ns, *poses[:2], max_gap_s, shift)
         pair = partial(pair_recorded, scene.axes, table.stamp_ns, poses.stamp_ns, max_gap_s=max_gap_s)
         position, found, run = pair(poses.position)
         truth = None if (known := _truth(scene, poses)) is None else pair(known)[0]
-        if not found.any():
-            notes.append(f"--column pose_stamp_s={naming.of(stamp).names[0]}-SECONDS shifts the poses")
     status, unit = missing_status(table.strain, scene.layout), naming.strain_unit
     felt = table.beside[FELT] > 0.0 if FELT in table.beside else None
     samples = RecordedSweep(
@@ -165,12 +164,14 @@ def _yaw_notes(path: Path, naming: ColumnNaming, axes: Mapping[str, Columns], ta
 
 
 def _sweep_numbers(path: Path, table: Table) -> np.ndarray:
-    """Numbers of the sweeps (n,) as integers, 1 where the file has none; equal ones are together."""
+    """Numbers of the sweeps (n,) as integers, 1 where the file has none; equal ones of a run are together."""
     sweep = table.beside.get(SWEEP, np.ones(len(table.stamp_ns)))
     if other := sweep[~((sweep % 1 == 0) & (sweep >= 0) & (sweep < 1e9))].tolist():
         raise ScanError(f"{path}: expected whole numbers in the column of the sweeps, found {other[0]:g}")
-    begun = sweep[np.flatnonzero(np.diff(sweep, prepend=-1))].astype(int).tolist()
-    if len(set(begun)) < len(begun):
+    rows = np.flatnonzero(np.diff(sweep, prepend=-1))
+    begun = sweep[rows].astype(int).tolist()
+    run = np.cumsum(np.diff(table.stamp_ns, prepend=table.stamp_ns[0])[rows] < 0).tolist()
+    if len(set(zip(run, begun, strict=True))) < len(begun):
         raise ScanError(
             f"{path}: expected the rows of each sweep together, found sweeps {listed(map(str, begun))}"
         )

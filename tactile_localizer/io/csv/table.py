@@ -33,9 +33,11 @@ from tactile_localizer.scene import AXIS_NAMES, Scene
 _MAX_STAMP_NS = 2**62
 """Largest stamp: differences of stamps fit into 64 bits."""
 _DATE = re.compile(
-    r"([0-9/-]{10}[T ][0-9]{2}:[0-9]{2}:[0-9]{2})([.,][0-9]+)?\s*(?:Z|UTC|([-+][0-9]{2}):?([0-9]{2})?)?"
+    r"(?:([0-9/-]{10})[T ])?([0-9]{1,2}:[0-9]{2}:[0-9]{2})([.,][0-9]+)?\s*"
+    r"(?:Z|UTC|([-+][0-9]{2}):?([0-9]{2})?)?"
 )
-"""Date and time in ISO 8601, fraction of a second, and hours and minutes of the time zone."""
+"""Date in ISO 8601, time, fraction of a second, and hours and minutes of the time zone."""
+_NO_DATE = "1970-01-01"
 _FLAGS = {"true": "1", "false": "0"}
 _MISSING = ("", "-", "na", "n/a", "#n/a", "<na>", "none", "null")
 """Spellings of a missing value beside NaN, in lower case."""
@@ -203,12 +205,14 @@ class _Cells:
 
 
 def _plain(quantity: str, cell: str) -> str:
-    """A cell as a number: that of a date in UTC, 1 for true, NaN for an empty cell that is not needed."""
+    """A cell as a number: of a date or time in UTC, 1 for true, NaN for an empty cell that is not needed."""
     if quantity in STAMPS and (date := _DATE.fullmatch(cell)):
         with suppress(ValueError):
-            zone = f"{date[3] or '+00'}:{date[4] or '00'}"
-            second = datetime.fromisoformat(date[1].replace("/", "-") + zone).timestamp()
-            return str(Decimal(second) + Decimal((date[2] or "0").replace(",", ".")))
+            day, time, fraction, hours, minutes = date.groups(default="")
+            zone = f"{hours or '+00'}:{minutes or '00'}"
+            text = f"{(day or _NO_DATE).replace('/', '-')} {time:0>8}{zone}"
+            second = datetime.fromisoformat(text).timestamp()
+            return str(Decimal(second) + Decimal(fraction.replace(",", ".") or 0))
     if quantity == FELT:
         cell = _FLAGS.get(cell.lower(), cell)
     return "nan" if cell.lower() in _MISSING and quantity not in (SWEEP, *AXIS_NAMES) else cell

@@ -76,10 +76,13 @@ def test_names_with_commas_and_signs_can_be_given(tmp_path):
         ("sec", lambda n: (f"1970-01-01 00:00:01.{1e4 * n:06.0f} UTC", 0)),
         ("sec", lambda n: (f"1970-01-01 00:00:01,{10 * n:03}", 0)),  # as logging writes it
         ("sec", lambda n: (f"1970/01/01 00:00:01.{10 * n:03}", 0)),
+        ("sec", lambda n: (f"00:00:01.{10 * n:03}", 0)),
+        ("sec", lambda n: (f"0:00:01,{10 * n:03}", 0)),
+        ("sec-57600", lambda n: (f"16:00:01.{10 * n:03}", 0)),
         ("sec-1732550400", lambda n: (f"2024-11-25 16:00:01.{10 * n:03}Z", 0)),
     ],
 )
-def test_stamps_may_be_sums_shifted_and_dates(tmp_path, column, cells):
+def test_stamps_may_be_sums_shifted_dates_and_times_of_day(tmp_path, column, cells):
     rows = [[*cells(n), *row[1:]] for n, row in enumerate(line_rows(4))]
     path = write_csv(tmp_path / "a.csv", ["sec", "nanosec", *HEADER[1:]], rows)
     assert_four_rows(read_csv(path, LINE, naming_from_pairs([f"stamp_s={column}"], ColumnNaming())))

@@ -1,5 +1,6 @@
 """CSV files are read by the names of their columns; invalid rows are skipped, counted and reported."""
 
+import re
 from contextlib import suppress
 from itertools import pairwise
 
@@ -65,7 +66,7 @@ def test_poses_of_another_file_are_interpolated(tmp_path):
     poses = write_csv(tmp_path / "poses.csv", ["t_ms", "x"], rows)
     naming = naming_from_pairs(["pose_stamp_s=t_ms*0.001"], ColumnNaming())
     recording = read_csv(touch, LINE, naming, poses=[poses])
-    assert recording.notes == (f"skipped 1 of 4 rows of {poses} whose stamps do not increase",)
+    assert recording.notes[0] == f"skipped 1 of 4 rows of {poses} whose stamps do not increase"
     (sweep,) = recording.sweeps
     assert (sweep.gaps, len(sweep)) == (11, 9)
     np.testing.assert_allclose(1e3 * sweep.position[:3, 0], [1, 3, 5], atol=1e-9)
@@ -83,7 +84,7 @@ def test_an_angle_beyond_a_full_turn_is_within_the_bounds(tmp_path):
 @pytest.mark.parametrize(
     ("place", "cell", "problem"),
     [
-        (0, "16:00:01", "column stamp_s: expected a number, found '16:00:01'"),
+        (0, "16:00:61", "column stamp_s: expected a number, found '16:00:61'"),
         (0, "2024-13-01 16:00:01", "column stamp_s: expected a number, found '2024-13-01 16:00:01'"),
         (1, "", "column x: expected a number, found an empty cell"),
         (1, "inf", "column x: expected a number, found 'inf'"),
@@ -123,6 +124,32 @@ def test_stamps_that_jump_back_begin_another_sweep(tmp_path):
     path = write_csv(tmp_path / "b.csv", [*HEADER, "sweep"], numbered)
     recording = read_csv(path, LINE)
     assert [(each.number, len(each)) for each in recording.sweeps] == [(0, 75), (1, 46), (7, 54), (8, 60)]
+
+
+def test_numbers_of_sweeps_may_come_again_where_stamps_jump_back(tmp_path):
+    session = [[0.01 * n, 0.0001 * n, *range(8), n // 20] for n in range(60)]
+    path = write_csv(tmp_path / "a.csv", [*HEADER, "sweep"], session + session)
+    recording = read_csv(path, LINE)
+    assert [(each.number, len(each)) for each in recording.sweeps] == [(n, 20) for n in range(6)]
+
+
+@pytest.mark.parametrize(
+    ("poses", "finding"),
+    [
+        (
+            range(30),
+            r"most of the strain is before or after all poses: strain from 0.*poses from 0.000 to 0.29",
+        ),
+        (range(100, 0, -1), "skipped 9[89] of 100 rows of .* whose stamps do not increase"),
+    ],
+    ids=["end early", "newest first"],
+)
+def test_poses_of_the_same_clock_are_not_to_be_shifted(tmp_path, poses, finding):
+    path = write_csv(tmp_path / "a.csv", ["stamp_s", *GAUGES], [[0.01 * n, *range(8)] for n in range(100)])
+    beside = write_csv(tmp_path / "b.csv", ["stamp_s", "x"], [[0.01 * n, 0.0001 * n] for n in poses])
+    notes = "; ".join(read_csv(path, LINE, poses=[beside]).notes)
+    assert re.search(finding, notes)
+    assert "shifts" not in notes
 
 
 @given(
