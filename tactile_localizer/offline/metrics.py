@@ -92,8 +92,8 @@ def with_contact(recording: Recording, model: SweepMixture) -> Recording:
     """
     if model.material.sheet < 0.5:
         return recording
-    expected = np.einsum("mk,mkc->mc", np.exp(model.map.log_prior), model.map.mean)
-    on_feature = np.max(model.noise.layout.mean(expected**2), axis=1) > 1.0
+    signal = np.einsum("mk,mkc->mc", np.exp(model.map.log_prior), model.map.mean)
+    on_feature = np.max(model.noise.layout.mean(signal**2), axis=1) > 1.0
     sweeps = []
     for sweep in recording.sweeps:
         if sweep.felt is None and sweep.truth is not None and np.isfinite(sweep.truth).all():
@@ -102,7 +102,7 @@ def with_contact(recording: Recording, model: SweepMixture) -> Recording:
             complete = np.isfinite(sweep.strain).all(axis=1)
             on, off = felt & complete, ~felt & complete
             if on.any() and off.any():
-                strain, predicted = model.noise.whitened(sweep.strain), expected[node[on]]
+                strain, predicted = model.noise.whitened(sweep.strain), signal[node[on]]
                 strain = strain[on] - np.median(strain[off], axis=0)
                 felt &= np.sum(strain * predicted) > _LEAST_FELT * np.sum(predicted**2)
             sweep = replace(sweep, felt=felt)

@@ -28,7 +28,7 @@ def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) 
     return {
         "material": kinds.get(sheet, f"in between: {100.0 * sheet:.0f} % of a sheet, the rest cloth"),
         "information length": f"{calibration.examination.information_length * MM:.1f} mm",
-        "memory of the offset": f"{memory * MM:.0f} mm" if memory < 1.0 else "constant",
+        "memory of the level": f"{memory * MM:.0f} mm" if memory < 1.0 else "constant",
         "noise of a channel": f"{np.median(noise):.2g} ({noise.min():.2g} to {noise.max():.2g})",
         "registration": describe_sizes(scene, calibration.registration_std),
     }

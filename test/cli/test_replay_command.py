@@ -87,7 +87,7 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
     assert [line[:22].strip() for line in learned] == [
         "material",
         "information length",
-        "memory of the offset",
+        "memory of the level",
         "noise of a channel",
         "registration",
     ]
