@@ -205,10 +205,13 @@ def scan_of(recording: Recording, scene: Scene) -> Scan:
     )
 
 
-def late_notes(run: np.ndarray, what: str) -> Iterator[str]:
-    """A line about samples, called ``what``, whose run (n,) is :data:`LATE`."""
-    if late := int(np.sum(run == LATE)):
+def stamp_notes(run: np.ndarray, what: str) -> Iterator[str]:
+    """Lines about samples, called ``what``, whose run (n,) is :data:`LATE` or larger than that before it."""
+    in_order = run[run != LATE]
+    if late := len(run) - len(in_order):
         yield f"skipped {late} of {len(run)} {what} whose stamps do not increase"
+    if jumps := np.count_nonzero(np.diff(in_order) > 0):
+        yield f"{jumps} of {len(run)} {what} have stamps that jump back: another run begins"
 
 
 def pose_notes(

@@ -27,8 +27,8 @@ from tactile_localizer.io.recording import (
     Recording,
     cut,
     join,
-    late_notes,
     pose_notes,
+    stamp_notes,
 )
 from tactile_localizer.io.strain_adapter import StrainAdapter
 from tactile_localizer.scene import Scene
@@ -120,7 +120,7 @@ def read_bag(
             raise _nothing_on(path, names[name], messages, notes)
     stamp_ns, strain, status = map(np.array, zip(*(each.value for each in found["strain"]), strict=True))
     run = np.array([each.run for each in found["strain"]])
-    notes += late_notes(run, "strain vectors")
+    notes += stamp_notes(run, "strain vectors")
     topic = names.get("pose", TF)
     if palm_frame:
         found["pose"] = _from_tf(found, frame.reference_frame, palm_frame.lstrip("/"))
@@ -181,9 +181,10 @@ def _nothing_on(path: str | Path, topic: str, messages: BagMessages, notes: list
 
 def _delay_notes(strain: Sequence[_Arrived], poses: Sequence[_Arrived], topic: str) -> Iterator[str]:
     """A finding about poses on ``topic`` whose stamps are far from those of the strain received with them."""
-    strain_ns = np.median([each.value.stamp_ns - each.received_ns for each in strain])
-    pose_ns = np.median([each.value[1] - each.received_ns for each in poses])
-    ahead_ns = float(pose_ns - strain_ns)
+    strain_ns = np.array([each.value.stamp_ns - each.received_ns for each in strain])
+    pose_ns = np.array([each.value[1] - each.received_ns for each in poses])
+    before = np.maximum([each.strain_before - 1 for each in poses], 0)
+    ahead_ns = float(np.median(pose_ns - strain_ns[before]))
     if abs(ahead_ns) > _MOST_DELAY_NS:
         way = "ahead of" if ahead_ns > 0.0 else "behind"
         text = f"stamps are {abs(ahead_ns) / NANOSECONDS:.2g} s {way} the strain received with them"
@@ -239,5 +240,5 @@ def _positions(
     valid = np.isfinite(position).all(axis=1)
     if not valid.all():
         notes.append(f"skipped {np.sum(~valid)} of {len(valid)} poses of {topic}: {reason}")
-    notes += late_notes(runs_of(stamp_ns[valid]), f"poses of {topic}")
+    notes += stamp_notes(runs_of(stamp_ns[valid]), f"poses of {topic}")
     return stamp_ns[valid], position[valid], before[valid]

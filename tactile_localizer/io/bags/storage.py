@@ -99,6 +99,11 @@ def _files(folder: Path) -> tuple[list[Path], dict[str, int], list[str]]:
     if (folder / _METADATA).is_file():
         names, promised = _metadata(folder / _METADATA)
         others = [path.name for path in there if path.name not in names]
+        if absent := [name for name in names if not (folder / name).is_file()]:
+            found = (
+                f"found {listed(others)}; remove it, and they are read without" if others else "found none"
+            )
+            raise ScanError(f"{folder}: expected {listed(absent)}, which {_METADATA} names, {found}")
         notes = [f"{_METADATA} does not name {listed(others)}: left out"] if others else []
         return [folder / name for name in names], promised, notes
     if not there:

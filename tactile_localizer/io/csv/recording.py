@@ -24,8 +24,8 @@ from tactile_localizer.io.recording import (
     Recording,
     cut,
     join,
-    late_notes,
     pose_notes,
+    stamp_notes,
 )
 from tactile_localizer.io.status import missing_status
 from tactile_localizer.scene import Scene
@@ -110,7 +110,7 @@ def _read_file(
         stamp = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
         poses = read_table(pose_path, scene, naming, stamp, axes, {})
         notes += [*poses.notes, *_yaw_notes(pose_path, naming, axes, poses)]
-        notes += late_notes(runs_of(poses.stamp_ns), f"rows of {pose_path}")
+        notes += stamp_notes(runs_of(poses.stamp_ns), f"rows of {pose_path}")
         shift = f"; --column pose_stamp_s={naming.of(stamp).names[0]}-SECONDS shifts the poses"
         notes += pose_notes(str(pose_path), scene.axes, table.stamp_ns, *poses[:2], max_gap_s, shift)
         pair = partial(pair_recorded, scene.axes, table.stamp_ns, poses.stamp_ns, max_gap_s=max_gap_s)
@@ -122,9 +122,7 @@ def _read_file(
         0, table.stamp_ns, position, table.strain, status, truth, 0, felt, strain_unit=unit
     )
     sweeps, outside = cut(samples, run, label, found, detector)
-    notes += [*outside, *late_notes(run, f"rows of {path}")]
-    if jumps := np.count_nonzero(np.diff(run[run != LATE]) * (np.diff(label[run != LATE]) == 0)):
-        notes.append(f"{path}: {jumps} of {len(run)} stamps jump back, where another sweep begins")
+    notes += [*outside, *stamp_notes(run, f"rows of {path}")]
     if not _PERIOD_S[0] <= (period_s := _period_s(table.stamp_ns)) <= _PERIOD_S[1]:
         unit = in_other_unit("stamp_s", naming.of("stamp_s"))
         notes.append(f"{path}: the stamps are {period_s:.3g} s apart{unit}")

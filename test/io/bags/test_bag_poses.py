@@ -146,6 +146,9 @@ def poses_of(rate, x=x_at, late_ms=0):
     return [("palm_pose", ms + late_ms, pose(ms, x=x(ms))) for ms in range(0, 2000, round(1000 / rate)) if ms]
 
 
+WHAT = ("strain vectors", "poses of /palm_pose")
+
+
 def notes_of(path, poses):
     happened = [each for each in slide(0, 2000) if each[0] == "strain"]
     return read_bag(write_bag(path, happened + poses), SCENE).notes
@@ -163,3 +166,19 @@ def test_stamps_far_from_their_receipt_are_a_finding(tmp_path, late_ms):
     way = "behind" if late_ms > 0 else "ahead of"
     assert note.startswith(f"/palm_pose: stamps are 0.3 s {way} the strain received with them")
     assert notes_of(tmp_path / "slow", poses_of(100, late_ms=50)) == ()
+
+
+@pytest.mark.parametrize("step_ms", [3_600_000, -2000], ids=["forward", "back"])
+def test_a_clock_that_is_set_during_the_recording_is_not_another_clock(tmp_path, step_ms):
+    def stamped(ms):
+        return ms + 10_000 + step_ms * (ms >= 1000)
+
+    times_ms = range(0, 2000, 10)
+    poses = [("palm_pose", ms, pose(stamped(ms), x=x_at(ms))) for ms in times_ms]
+    both = [("strain", ms, strain(stamped(ms))) for ms in times_ms] + poses
+    notes = read_bag(write_bag(tmp_path / "both", both), SCENE).notes
+    jumps = [f"1 of 200 {what} have stamps that jump back: another run begins" for what in WHAT]
+    assert notes == (tuple(jumps) if step_ms < 0 else ())
+    arm = [("strain", ms, strain(10_000 + ms)) for ms in times_ms] + poses
+    notes = read_bag(write_bag(tmp_path / "arm", arm), SCENE).notes
+    assert (jumps[1] in notes) == (step_ms < 0)

@@ -165,8 +165,11 @@ def test_a_bag_of_ros_1_is_named_with_what_converts_it(tmp_path):
 
 def test_files_that_the_metadata_name_are_all_there(tmp_path):
     bag = write_bag(tmp_path / "bag", slide(0, 1000))
-    file_of(bag).rename(tmp_path / "elsewhere.mcap")
-    with pytest.raises(ScanError, match=r"bag\.mcap: expected a bag"):
+    renamed = file_of(bag).rename(bag / "monday.mcap")
+    with pytest.raises(ScanError, match=r"expected bag\.mcap, which .* names, found monday\.mcap; remove it"):
+        read_bag(bag, SCENE)
+    renamed.rename(tmp_path / "elsewhere.mcap")
+    with pytest.raises(ScanError, match=r"expected bag\.mcap, which metadata\.yaml names, found none"):
         read_bag(bag, SCENE)
     shutil.copy(file_of(write_bag(tmp_path / "first", slide(0, 500))), bag / "bag.mcap")
     with pytest.raises(ScanError, match=r"200 messages of /strain were recorded, found 100"):

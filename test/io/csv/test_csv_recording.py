@@ -118,7 +118,7 @@ def test_stamps_that_jump_back_begin_another_sweep(tmp_path):
     assert [(each.number, len(each)) for each in recording.sweeps] == [(1, 75), (2, 100), (3, 60)]
     assert recording.notes == (
         f"skipped 2 of 237 rows of {path} whose stamps do not increase",
-        f"{path}: 2 of 237 stamps jump back, where another sweep begins",
+        f"2 of 237 rows of {path} have stamps that jump back: another run begins",
     )
     numbered = [[*row, 7 * (n > 120)] for n, row in enumerate(rows)]
     path = write_csv(tmp_path / "b.csv", [*HEADER, "sweep"], numbered)
