@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri
 
-from tactile_localizer.core.geometry.angles import wrap_angle
+from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.offline.replay import ReplayedSweep
@@ -32,9 +32,7 @@ def deviation(sweep: ReplayedSweep) -> np.ndarray:
     """Estimate minus truth (n, d), along the shortest arc on axes that wrap; NaN where unknown."""
     if sweep.truth is None:
         return np.full(sweep.mean.shape, np.nan)
-    difference, wraps = sweep.mean - sweep.truth, sweep.scene.wraps
-    difference[:, wraps] = wrap_angle(difference[:, wraps])
-    return difference
+    return MotionModel(sweep.scene).displacement(sweep.truth, sweep.mean)
 
 
 def position_error(sweep: ReplayedSweep) -> np.ndarray:

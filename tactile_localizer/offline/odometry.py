@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.geometry.motion import levers
+from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.scene import Scene
 
@@ -30,29 +29,19 @@ def with_odometry(recording: Recording, scene: Scene, rng: np.random.Generator, 
     Recording
         The odometry of each sweep starts at zero, so it does not reveal the position of the palm.
     """
-    sweeps = []
+    motion, sweeps = MotionModel(scene), []
     for sweep in recording.sweeps:
-        steps = displacements(scene, sweep.position)
+        steps = motion.wrapped(np.diff(sweep.position, axis=0))
         if kind == SIMULATED:
-            spread = np.sqrt(travel(scene, steps))[:, None] * scene.motion_std
-            steps = steps + rng.standard_normal(steps.shape) * spread
+            spread = np.sqrt(motion.travels(steps))[:, None] * scene.motion_std
+            steps += rng.standard_normal(steps.shape) * spread
         odometry = np.vstack([np.zeros((1, scene.dimension)), np.cumsum(steps, axis=0)])[: len(sweep)]
         sweeps.append(replace(sweep, position=odometry, truth=sweep.position))
     return replace(recording, sweeps=tuple(sweeps))
 
 
-def displacements(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """Differences (n - 1, d) between consecutive positions (n, d); yaw along the shortest arc."""
-    steps = np.diff(position, axis=0)
-    steps[:, scene.wraps] = wrap_angle(steps[:, scene.wraps])
-    return steps
-
-
-def travel(scene: Scene, steps: np.ndarray) -> np.ndarray:
-    """Lengths (n,) of displacements (n, d), m; rotations count as in the motion model."""
-    return np.linalg.norm(steps * levers(scene), axis=1)
-
-
 def travelled(scene: Scene, position: np.ndarray) -> np.ndarray:
     """Travel (n,) from the first of the positions (n, d) to each of them, m."""
-    return np.concatenate([[0.0], np.cumsum(travel(scene, displacements(scene, position)))])[: len(position)]
+    motion = MotionModel(scene)
+    steps = np.diff(position, axis=0, prepend=position[:1])
+    return np.cumsum(motion.travels(motion.wrapped(steps)))

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tactile_localizer.io.recording import RecordedSweep, Recording
-from tactile_localizer.offline.odometry import (
-    EXACT,
-    SIMULATED,
-    displacements,
-    travelled,
-    with_odometry,
-)
+from tactile_localizer.offline.odometry import EXACT, SIMULATED, travelled, with_odometry
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SCENE = Scene(
@@ -55,8 +50,9 @@ def test_a_sweep_without_samples_stays_empty() -> None:
 
 def test_yaw_is_followed_along_the_shortest_arc() -> None:
     scene = Scene("disc", (Axis("yaw", -math.pi, math.pi),), (Phalanx("index", (0.0,)),))
-    steps = displacements(scene, np.array([[3.1], [-3.1], [3.1]]))
-    np.testing.assert_allclose(steps[:, 0], [2 * math.pi - 6.2, 6.2 - 2 * math.pi])
+    turned = replace(recording(3).sweeps[0], position=np.array([[3.1], [-3.1], [3.1]]))
+    odometry = with_odometry(Recording("", (turned,)), scene, np.random.default_rng(0), EXACT)
+    np.testing.assert_allclose(odometry.sweeps[0].position[:, 0], [0.0, 2 * math.pi - 6.2, 0.0], atol=1e-12)
 
 
 def test_travel_is_the_sum_of_the_steps() -> None:
