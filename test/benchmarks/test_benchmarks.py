@@ -65,7 +65,7 @@ def bump(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_recorded_has_a_row_for_a_folder(bump: Path, tmp_path: Path) -> None:
+def test_recorded_has_a_row_for_a_folder(bump: Path, tmp_path: Path, learned: None) -> None:
     (row,) = rows_of(tmp_path, "recorded.py", bump, "--lines", "2", "--jobs", "1")
     assert row["error_settled_mm"] < 5.0
     assert (row["false_before"], row["lines"]) == (0, 2)
@@ -86,9 +86,12 @@ def test_recorded_adds_white_noise_in_units_of_the_channels_own() -> None:
     np.testing.assert_allclose(white_noise_std(louder), 2.0 * std, rtol=0.05)
 
 
-@pytest.mark.slow
 def test_speed_measures_what_a_user_waits_for(bump: Path, tmp_path: Path) -> None:
-    rows = rows_of(tmp_path, "speed.py", bump, "--repeat", "1", "--cycles", "10")
+    for name in ("scene.yaml", "test.csv"):
+        (tmp_path / name).symlink_to(bump / name)
+    one_sweep = simulate_recording("bump", 1, sweeps=1, rate=10.0)
+    write_csv(tmp_path / "train.csv", one_sweep, shipped_scene("bump"), "truth")
+    rows = rows_of(tmp_path, "speed.py", tmp_path, "--repeat", "1", "--cycles", "10")
     values = {row["name"]: row["value"] for row in rows}
     assert 0.0 < values["import of the package"] < values["first estimate"]
     assert values["learning and replay"] > 0.0

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from support.learned import unexamined
 
 from tactile_localizer import __version__
 from tactile_localizer.cli import main
@@ -35,6 +36,7 @@ def record(path, scene=SCENE, unit="V"):
 @pytest.fixture
 def scan(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn", unexamined)
     record(tmp_path / "bump_scan")
     (tmp_path / "bump_scan/dropped").mkdir()
     (tmp_path / "bump_scan/sweep_0002.npy").rename("bump_scan/dropped/sweep_0002.npy")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -35,13 +34,17 @@ def write_scan(
     scene: Scene | None = None,
     *,
     calibrated: bool = True,
-    sweeps: int | None = None,
+    short: bool = False,
 ) -> None:
-    """Write a training scan of the simulated hand, or its first sweeps, with a calibration or not."""
+    """Write a training scan of the simulated hand, or a part that is learned from soon.
+
+    With a calibration or not.
+    """
     scene = scene or shipped_scene(feature)
     with ScanWriter(path, scene) as writer:
-        for number, sweep in enumerate(_simulated(feature).sweeps[:sweeps], start=1):
-            writer.add(dataclasses.replace(sweep, number=number))
+        sweeps = _simulated(feature).sweeps[: 8 if short else None]
+        for number, sweep in enumerate(sweeps, start=1):
+            writer.add(sweep.part(slice(200 if short else None), number))
     if calibrated and scene.dimension == len(CALIBRATION.registration_std):
         store_calibration(path / FILE, digest_of(ScanFolder(path).load(), scene), CALIBRATION)
 

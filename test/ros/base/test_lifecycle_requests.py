@@ -16,7 +16,7 @@ def state_of(probe, node):
 @pytest.fixture
 def uncalibrated(tmp_path):
     """A small scan without a stored calibration."""
-    write_scan(tmp_path / "bump_scan", calibrated=False, sweeps=8)
+    write_scan(tmp_path / "bump_scan", calibrated=False, short=True)
     return tmp_path / "bump_scan"
 
 
