@@ -218,6 +218,11 @@ class Localizer:
         return self._gauge_names(self._noise.spikes)
 
     @property
+    def out_of_range(self) -> float:
+        """Fraction of the recent strains that are outside the range of the scan."""
+        return self._outside
+
+    @property
     def explanations(self) -> Explanations:
         """Probabilities of what can explain the strain."""
         return self._sweep.explanations

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tactile_localizer.core.localizer import Estimate, Localizer
-from tactile_localizer.core.scan.range import ScanRange, describe_misfit
+from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import usable
 from tactile_localizer.io.scans.recorder import StrainSample
@@ -17,54 +17,10 @@ from tactile_localizer.streams.synchronization import Pair
 
 _TIMES_KEPT = 4096
 _BEFORE_FIRST_NS = -1
-_RANGE_WINDOW = 200
-"""Number of measurement updates for the fractions out of range: 0.2 m of travel at the default distance."""
-_MIN_UPDATES = 20
-"""Number of measurement updates below which nothing is reported as out of range."""
-
 
 USED = ("updated", "moved", "earlier")
 """Strain vectors that led to a measurement update, to a motion update only, and those that are stamped before
 the last reset or seeding of the belief."""
-
-
-class RangeCheck:
-    """Fractions of recent strains out of the range of the scan, and of positions too far from the start.
-
-    Parameters
-    ----------
-    scan_range : range of the scan
-    """
-
-    def __init__(self, scan_range: ScanRange) -> None:
-        self._range = scan_range
-        self._start: np.ndarray | None = None
-        self._outside: deque[tuple[bool, bool]] = deque(maxlen=_RANGE_WINDOW)
-
-    def reset(self) -> None:
-        """Discard the updates so far; the next position is the start."""
-        self._start = None
-        self._outside.clear()
-
-    def add(self, position: np.ndarray, strain: np.ndarray, present: np.ndarray) -> None:
-        """Add position (d,), m, strain (C,), V, and usable phalanges (F,) bool of a measurement update."""
-        if self._start is None:
-            self._start = position
-        strain_is_outside = bool(self._range.strains_outside(strain, present))
-        self._outside.append((strain_is_outside, bool(self._range.positions_outside(position, self._start))))
-
-    @property
-    def fractions(self) -> tuple[float, float]:
-        """Fractions of strains and of positions outside; zero during the first updates."""
-        if len(self._outside) < _MIN_UPDATES:
-            return 0.0, 0.0
-        strains, positions = np.mean(self._outside, axis=0).tolist()
-        return strains, positions
-
-    @property
-    def problem(self) -> str:
-        """Description of the misfit in one line; empty if there is none."""
-        return describe_misfit(*self.fractions)
 
 
 class OnlineLocalizer:
@@ -80,7 +36,6 @@ class OnlineLocalizer:
     ----------
     latest : last estimate; ``None`` before the first
     palm : (d,) palm position of the last estimate, m (yaw: rad); ``None`` before the first
-    range_check : comparison of strains and positions with the scan
     last_error : why the last strain vector was not used; empty if it was
     counts : numbers of strain vectors by what became of them: one of :data:`USED`, or why they were not used
     update_times_ns : durations of the last measurement updates
@@ -88,7 +43,7 @@ class OnlineLocalizer:
 
     def __init__(self, localizer: Localizer, max_gap_s: float, scan_range: ScanRange) -> None:
         self.localizer = localizer
-        self.range_check = RangeCheck(scan_range)
+        self._range = scan_range
         self.palm: np.ndarray | None = None
         self.last_error = ""
         self.counts: Counter[str] = Counter()
@@ -118,7 +73,17 @@ class OnlineLocalizer:
     def _restart(self, since_ns: int) -> None:
         self.latest: Estimate | None = None
         self._since_ns = since_ns
-        self.range_check.reset()
+        self._start: np.ndarray | None = None
+
+    @property
+    def out_of_range(self) -> tuple[float, float]:
+        """Fractions of the recent strains and positions that are out of the range of the scan.
+
+        A position is if it is farther from that of the first estimate than the scene is long.
+        """
+        if self.palm is None or self._start is None:
+            return 0.0, 0.0
+        return self.localizer.out_of_range, float(self._range.positions_outside(self.palm, self._start))
 
     def take(self, pairs: Sequence[Pair[StrainSample]], epoch: int) -> list[Estimate]:
         """Update with pairs of strain vectors and positions; returns their estimates.
@@ -126,8 +91,7 @@ class OnlineLocalizer:
         ``epoch`` is the number of backward jumps of the stamps so far.
         """
         if epoch != self._epoch:
-            self._epoch, self._since_ns = epoch, _BEFORE_FIRST_NS
-            self.range_check.reset()
+            self._epoch, self._since_ns, self._start = epoch, _BEFORE_FIRST_NS, None
         return [estimate for pair in pairs if (estimate := self._localize(pair)) is not None]
 
     def _localize(self, pair: Pair[StrainSample]) -> Estimate | None:
@@ -161,9 +125,9 @@ class OnlineLocalizer:
         start_ns = time.perf_counter_ns()
         self.latest = self.localizer.update(stamp_ns, position, strain, present)
         self.palm = position
+        self._start = position if self._start is None else self._start
         if self.latest.updated:
             self.counts["updated"] += 1
-            self.range_check.add(position, strain, present)
             self.update_times_ns.append(time.perf_counter_ns() - start_ns)
         else:
             self.counts["moved"] += 1

@@ -8,6 +8,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from tactile_localizer.core.hypotheses.convergence import State
+from tactile_localizer.core.scan.range import describe_misfit
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
 from tactile_localizer.ros.online_localizer import USED, OnlineLocalizer
 from tactile_localizer.ros.subscriptions.tactile_inputs import TactileInputs
@@ -28,7 +29,7 @@ class FilterDiagnostics:
     def belief(self, online: OnlineLocalizer, scan_file: str, stale: str) -> DiagnosticStatus:
         """Status of the belief of a localizer on the map ``scan_file``."""
         estimate, stuck = online.latest, list[str]()
-        strains, positions = online.range_check.fractions
+        strains, positions = online.out_of_range
         values: dict[str, Any] = {"scan_file": scan_file}
         if estimate is not None:
             names = online.localizer.scene.phalanx_names
@@ -53,8 +54,8 @@ class FilterDiagnostics:
         elif stuck:
             level = DiagnosticStatus.WARN
             message = f"stuck load cells, not used: {', '.join(stuck)} (strain repeats exactly)"
-        elif online.range_check.problem:
-            level, message = DiagnosticStatus.WARN, online.range_check.problem
+        elif misfit := describe_misfit(strains, positions):
+            level, message = DiagnosticStatus.WARN, misfit
         elif estimate is not None:
             message = estimate.reason
             if estimate.state in (State.LOST, State.UNKNOWN):
