@@ -310,6 +310,7 @@ class CycleAssembler:
             self._close()
             self._first_ns = stamp_ns
         if not self._cut.is_aligned:
+            stream.cell.counts.drops += self._cut.is_moving and stream.counter is not None
             return
         if self._moves < self._cut.moves:
             self._moves = self._cut.moves

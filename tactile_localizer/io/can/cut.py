@@ -101,13 +101,14 @@ class CycleCut:
     moves : number of times that another message became the first of the cycles
     is_aligned : whether frames are in cycles: the first of one was received since the start, or since the cut
         moved
+    is_moving : whether they are not because it moves; frames before the first cycle are not lost
     """
 
     def __init__(self, messages: int, period_ns: int) -> None:
         self.paces = [Pace() for _ in range(messages)]
         self.period_ns, self._is_estimated = period_ns, not period_ns
         self.last_ns = self.number = self.moves = 0
-        self.is_aligned = False
+        self.is_aligned = self.is_moving = False
         self._first: Pace | None = None  # message with which cycles begin; None: unknown
         self._behind = self.paces[0]  # message behind the largest gap within the newest cycle
         self._searched: set[Pace] = set()  # messages received since the first one is waited for
@@ -120,6 +121,7 @@ class CycleCut:
 
     def restart(self, first: Pace | None = None) -> None:
         """Wait for the first frame of a cycle: of message ``first``, by default the one until now."""
+        self.is_moving = first is not None and (self.is_aligned or self.is_moving)
         self.is_aligned, self._gap_ns = False, 0
         self._searched.clear()
         if first is not None:

@@ -50,7 +50,8 @@ def read_log(
     except ScanError:
         raise
     except Exception as error:  # readers raise many types of exceptions
-        notes.append(f"{path}: expected a log that python-can reads, {error}")
+        reason = " ".join(str(error).split())[:100]
+        notes.append(f"{path}: expected a log that python-can reads (of candump: by -l), {reason!r:.100}")
     assembler.reset()
     cycles += assembler.feed([])
     if not cycles:

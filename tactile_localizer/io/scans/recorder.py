@@ -231,7 +231,10 @@ class SweepRecorder:
 
     def _require_in_place(self, sweeps: Iterable[OpenSweep]) -> None:
         """Require that the files of sweeps are in the scan; otherwise write their pairs to other files."""
-        lost, problems = [sweep for sweep in sweeps if not sweep.is_in_place], []
+        sweeps, problems = [*sweeps], []
+        lost = [sweep for sweep in sweeps if not sweep.is_in_place]
+        if len(lost) < len(sweeps):
+            self.store.restore_scene()
         for sweep in lost:
             problems.append(f"{sweep.path}: expected the sweep as recorded, it was removed or cut short")
             if sweep.pairs:

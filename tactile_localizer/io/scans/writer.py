@@ -16,7 +16,7 @@ from typing import Any
 from tactile_localizer import __version__
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.recording import SCENE_OF_SCAN as SCENE
-from tactile_localizer.io.recording import RecordedSweep
+from tactile_localizer.io.recording import RecordedSweep, is_scan
 from tactile_localizer.io.scans import FORMAT
 from tactile_localizer.io.scans.folder import DROPPED, HISTORY, ScanFolder
 from tactile_localizer.io.scans.sweep_files import OpenSweep
@@ -93,8 +93,20 @@ class ScanWriter(ScanFolder):
             history = _open_for_writing(self.path, self.scene)
             self.close()
             self._history = history
+        self.restore_scene()
         number = self.last_number + 1 if number is None else number
         return OpenSweep(self.path / f"sweep_{number:04}.npy", number, self.scene, after_ns)
+
+    def restore_scene(self) -> None:
+        """Write the scene again if it was removed, which would make the sweeps unreadable.
+
+        Raises
+        ------
+        ScanError
+            It cannot be written.
+        """
+        if not is_scan(self.path):
+            save_scene(self.scene, self.path / SCENE)
 
     @property
     def _is_in_place(self) -> bool:
@@ -130,7 +142,7 @@ def _open_for_writing(path: Path, scene: Scene) -> int:
         raise ScanError(f"{path}: expected a folder that can be written, {error.strerror}") from None
     try:
         fcntl.flock(history, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if not (path / SCENE).exists():
+        if not is_scan(path):
             save_scene(scene, path / SCENE)
     except BaseException as error:
         os.close(history)

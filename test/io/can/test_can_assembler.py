@@ -166,6 +166,16 @@ def test_a_frame_of_an_earlier_sample_is_out_of_order() -> None:
     assert assembler.counts.phalanges[0].drops == 1
 
 
+def test_what_is_in_no_cycle_because_another_load_cell_comes_first_is_counted() -> None:
+    late = [delayed(frame, 4 * PERIOD_NS // 5 * (k >= 200 and k % 4 > 1)) for k, frame in enumerate(FRAMES)]
+    assembler = started()
+    index, middle = zip(*samples(assembled(in_order(late), assembler)), strict=True)
+    (lost,) = {*range(100)} - {*index}
+    assert middle == tuple(range(100))
+    assert 50 < lost < 60
+    assert [counts.drops for counts in assembler.counts.phalanges] == [2, 0]
+
+
 def test_a_restarted_load_cell_is_a_warning_and_loses_nothing() -> None:
     frames = [frame for n in range(3000, 3050) for frame in cycle(HAND_FD, n)]
     for n in range(50, 180):

@@ -8,6 +8,7 @@ import pytest
 from support.disk import full_disk
 
 from tactile_localizer.errors import ScanError
+from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.recorder import SweepRecorder
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.status import MISSING
@@ -150,6 +151,20 @@ def test_a_sweep_that_is_no_longer_in_the_scan_is_written_again(store, harm, has
     recorder.take([pair(6)])
     recorder.close()
     assert recorded(store)[recorder.number] == [6]
+
+
+@pytest.mark.parametrize("is_open", [True, False])
+def test_a_scene_that_is_removed_is_written_again(store, is_open):
+    recorder = recorder_of(store)
+    if is_open:
+        recorder.start(0)
+        recorder.take([pair(1)])
+    (store.path / "scene.yaml").unlink()
+    if not is_open:
+        recorder.start(0)
+        recorder.take([pair(1)])
+    recorder.settle(1 * MS)
+    assert len(ScanFolder(store.path).recording()) == 1
 
 
 def test_a_scan_that_cannot_be_made_again_loses_only_the_sweep(store):
