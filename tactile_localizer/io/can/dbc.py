@@ -129,6 +129,8 @@ def _name_of(reference: str) -> str:
 def _resolve(messages: Mapping[str, Message], reference: str) -> Message:
     """A message with the identifier that its reference has, or that of the DBC."""
     name, at, identifier = reference.partition("@")
+    if name not in messages:
+        raise CanError(f"message {name!r}: expected its length and sender in the DBC, found it cut short")
     message = messages[name]
     if at:
         message = copy.copy(message)

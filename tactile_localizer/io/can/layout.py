@@ -122,12 +122,10 @@ def compile_layout(
             by_name = {signal.name: signal for signal in message.signals}
             contained = {column: signal for column, (of, signal) in gauges if of is message}
             own.append(LoadCellMessage(message, index, contained, by_name.get(counter), by_name.get(status)))
-            for gauge in contained.values():
-                if gauge.unit not in VOLTS:
-                    where = f"signal {gauge.name!r} of {message.name}"
-                    raise CanError(f"{where}: expected a unit of V, mV or uV, found {gauge.unit!r}")
             for signal in filter(None, (*contained.values(), by_name.get(counter), by_name.get(status))):
                 _check(message, signal)
+            for gauge in contained.values():
+                _check_gauge(message, gauge)
         if any(message.counter and message.counter.is_float for message in own):
             raise CanError(f"phalanx {phalanx!r}: expected an integer {counter!r}, found a float")
         found += own
@@ -182,6 +180,17 @@ def _check(message: Message, signal: Signal) -> None:
     lowest, highest = signal.minimum or 0, signal.maximum or 0
     if lowest >= highest and (lowest or highest):  # [0|0] is none
         raise CanError(f"{where}: expected a minimum below the maximum, found [{lowest}|{highest}]")
+
+
+def _check_gauge(message: Message, gauge: Signal) -> None:
+    """Refuse a gauge in another unit, or whose range in the DBC is not one of its bits."""
+    where = f"signal {gauge.name!r} of {message.name}"
+    if gauge.unit not in VOLTS:
+        raise CanError(f"{where}: expected a unit of V, mV or uV, found {gauge.unit!r}")
+    lowest, highest = range_of(gauge)
+    if lowest >= highest:
+        ends = f"[{gauge.minimum}|{gauge.maximum}]"
+        raise CanError(f"{where}: expected a range that its bits can have, found {ends}")
 
 
 def bits_of(signal: Signal) -> list[int]:

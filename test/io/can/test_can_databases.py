@@ -95,6 +95,14 @@ BAD_DATABASES = {
         "gauge_2 and gauge_1 are overlapping",
     ),
     "an empty range": (CLASSIC.replace("[-2.048|2.04775]", "[2|-2]"), r"below the maximum, found \[2\|-2\]"),
+    "a range of other bits": (
+        CLASSIC.replace("[-2.048|2.04775]", "[3|5]"),
+        r"signal 'gauge_1' of index_a: expected a range that its bits can have, found \[3\|5\]",
+    ),
+    "a message cut short": (
+        HEAD + "BO_ 272 index_a: 8 ",
+        "message 'index_a': expected its length and sender in the DBC, found it cut short",
+    ),
     "floats of another message": (
         HEAD + FLOATS_OF_ANOTHER,
         "'gauge_1' of index.*found that of 'gauge_1' of message 17",
