@@ -105,9 +105,9 @@ def _plot(args: argparse.Namespace) -> int:
     for phalanx in folder.scene.phalanx_names:
         require_picture(_picture(args.output, f"map_{phalanx}"), args)
     # Importing matplotlib takes a second; no other action needs it.
-    from tactile_localizer.offline.figures.tactile_map import scan_figures
+    from tactile_localizer.offline.figures.tactile_map import MapFigures
 
-    figures = scan_figures(folder.load(), folder.scene, folder.recording().sweeps[0].strain_unit)
-    for name, figure in figures.items():
+    figures = MapFigures(folder.load(), folder.scene, folder.recording().sweeps[0].strain_unit)
+    for name, figure in figures.channels().items():
         write_picture(_picture(args.output, name), figure)
     return 0

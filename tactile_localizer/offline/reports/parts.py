@@ -13,7 +13,7 @@ from tactile_localizer.io.recording import Recording
 from tactile_localizer.offline.examination import describe_examination
 from tactile_localizer.offline.figures.examination import held_out_figure, score_figure
 from tactile_localizer.offline.figures.svg import PAGE_STYLE
-from tactile_localizer.offline.figures.tactile_map import scan_figures, signal_figures
+from tactile_localizer.offline.figures.tactile_map import MapFigures
 from tactile_localizer.offline.reports.page import WIDTH_IN, Section, sentence, svg
 from tactile_localizer.scene import Scene
 
@@ -49,9 +49,9 @@ def map_section(scan: Scan, scene: Scene, recording: Recording) -> Section:
     """What the scan holds: the signal of each phalanx, and folded each channel."""
     unit = recording.sweeps[0].strain_unit if recording.sweeps else "V"
     with mpl.rc_context(PAGE_STYLE):
-        signals = signal_figures(scan, scene, unit, (WIDTH_IN, 0.85 * WIDTH_IN))
-        size = WIDTH_IN / _MAP_COLUMNS
-        channels = scan_figures(scan, scene, unit, _MAP_COLUMNS, size, _CHANNELS)
+        figures = MapFigures(scan, scene, unit)
+        signals = figures.signals((WIDTH_IN, 0.85 * WIDTH_IN))
+        channels = figures.channels(_MAP_COLUMNS, WIDTH_IN / _MAP_COLUMNS, _CHANNELS)
     each = [
         (svg(figure, name), f"{name.removeprefix('map_')}, by channel") for name, figure in channels.items()
     ]

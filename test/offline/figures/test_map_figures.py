@@ -7,7 +7,7 @@ from matplotlib.patches import Rectangle
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
-from tactile_localizer.offline.figures.tactile_map import scan_figures
+from tactile_localizer.offline.figures.tactile_map import MapFigures
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
 SCENE = Scene(
@@ -34,12 +34,12 @@ def meshes(figure):
 
 
 def test_a_scan_over_two_axes_has_a_sheet_for_each_phalanx(scan):
-    assert list(scan_figures(scan, SCENE)) == ["map_index", "map_middle"]
+    assert list(MapFigures(scan, SCENE).channels()) == ["map_index", "map_middle"]
 
 
 def test_all_channels_share_one_symmetric_colour_scale(scan):
     tactile_map = make_map(scan, SCENE)
-    figures = scan_figures(scan, SCENE)
+    figures = MapFigures(scan, SCENE).channels()
     sheets = [figures["map_index"], figures["map_middle"]]
     drawn = [mesh for sheet in sheets for mesh in meshes(sheet)]
     sheets = [mesh for mesh in drawn if mesh.get_array().size == tactile_map.covered.size]
@@ -51,7 +51,7 @@ def test_all_channels_share_one_symmetric_colour_scale(scan):
 
 def test_the_region_is_outlined_in_palm_coordinates(scan):
     scene = Scene("bump", SCENE.axes, SCENE.phalanges, Region((0.02, 0.015), (0.03, 0.035)))
-    figure = scan_figures(scan, scene)["map_index"]
+    figure = MapFigures(scan, scene).channels()["map_index"]
     plot = figure.axes[1]  # after the paths of the sweeps
     (box,) = (patch for patch in plot.patches if isinstance(patch, Rectangle))
     extents = box.get_extents().transformed(plot.transData.inverted()).extents
@@ -62,7 +62,7 @@ def test_the_region_is_outlined_in_palm_coordinates(scan):
 
 
 def test_axes_have_millimetres(scan):
-    figure = scan_figures(scan, SCENE)["map_index"]
+    figure = MapFigures(scan, SCENE).channels()["map_index"]
     assert [plot.get_xlabel() for plot in figure.axes[:9]] == 4 * [""] + 5 * ["x, mm"]
     assert [plot.get_ylabel() for plot in figure.axes[:9]] == ["y, mm", "", "", "", "", "y, mm", "", "", ""]
     np.testing.assert_allclose(figure.axes[0].get_xlim(), (0, 50), atol=0.5)
@@ -71,12 +71,12 @@ def test_axes_have_millimetres(scan):
 def test_a_scan_over_one_axis_has_profiles(scan):
     scene = Scene("line", SCENE.axes[:1], (Phalanx("index", (0.0,)),), Region((0.02,), (0.03,)))
     line = Scan(scan.states[:, :1], scan.strain[:, :8], scan.sweep, ("x",), ("index",))
-    figures = scan_figures(line, scene, "counts")
+    figures = MapFigures(line, scene, "counts").channels()
     assert list(figures) == ["map_index"]
     assert len(figures["map_index"].axes) == 8
 
 
 def test_a_single_sweep_can_be_drawn(scan, tmp_path):
-    figures = scan_figures(scan.select(scan.sweep == 3), SCENE)
+    figures = MapFigures(scan.select(scan.sweep == 3), SCENE).channels()
     for name, figure in figures.items():
         figure.savefig(tmp_path / f"{name}.png", dpi=30)
