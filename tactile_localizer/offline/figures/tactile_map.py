@@ -127,6 +127,7 @@ class MapFigures:
                 plot.set_axis_off()
             elif place + columns >= count:
                 plot.set_xlabel(self._labels[0])
+                plot.tick_params(labelbottom=True)  # also where the row below is shorter
         for plot in plots[:, 0]:
             plot.set_ylabel(self._labels[1])
         bar = figure.colorbar(colours, ax=plots, extend="both")
