@@ -27,22 +27,14 @@ _STANDARD_OUTPUT = Path("-")
 _PICTURES = (".pdf", ".png", ".svg")
 """Extensions of pictures."""
 
-_INPUTS = (
-    "recordings",
-    "scan",
-    "scene",
-    "config",
-    "configurations",
-    "columns",
-    "poses",
-    "adapter",
-    "definitions",
-    "dbc",
-)
-"""Arguments of commands that name what is read."""
-
 _DPI = 120
 """Resolution of pictures."""
+
+
+class InputPath(str):
+    """Path, or name of a shipped file, that a command reads: the type of such arguments."""
+
+    __slots__ = ()
 
 
 @contextmanager
@@ -83,7 +75,7 @@ def require_writable(path: Path, args: argparse.Namespace, *libraries: str) -> N
     Parameters
     ----------
     path : file to write
-    args : the command line, with the inputs of :data:`_INPUTS`
+    args : the command line, with the inputs as :class:`InputPath`
     libraries : what else the file needs, of which an import takes a while
 
     Raises
@@ -103,9 +95,10 @@ def require_writable(path: Path, args: argparse.Namespace, *libraries: str) -> N
         place = path.resolve()
         with TemporaryFile(dir=next(parent for parent in place.parents if parent.exists())):
             pass
-    for given in (getattr(args, name, None) or () for name in _INPUTS):
-        for one in [given] if isinstance(given, str) else given:
-            if os.path.lexists(one) and Path(one).resolve() in (place, *place.parents):
+    for given in vars(args).values():
+        for one in given if isinstance(given, list) else [given]:
+            is_input = isinstance(one, InputPath) and os.path.lexists(one)
+            if is_input and Path(one).resolve() in (place, *place.parents):
                 raise ParameterError(f"{path}: expected another file than the inputs, found it in {one}")
     if os.path.lexists(place) and not is_result(place):
         raise ParameterError(

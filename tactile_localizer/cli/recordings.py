@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tactile_localizer.cli.outputs import InputPath
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.bags.sweeps import TOPICS
@@ -30,10 +32,9 @@ from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S
 
 def add_scan_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare ``--scan`` and ``--scene``."""
-    parser.add_argument("--scan", required=True, metavar="SCAN", help="scan (folder) of the map")
-    parser.add_argument(
-        "--scene", help="scene file (YAML), or the name of a shipped one (default: the scan's)"
-    )
+    add = partial(parser.add_argument, type=InputPath)
+    add("--scan", required=True, metavar="SCAN", help="scan (folder) of the map")
+    add("--scene", help="scene file (YAML), or the name of a shipped one (default: the scan's)")
 
 
 def scan_from_arguments(args: argparse.Namespace) -> tuple[Scan, Scene]:
@@ -50,11 +51,12 @@ def scan_from_arguments(args: argparse.Namespace) -> tuple[Scan, Scene]:
 def add_csv_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options for CSV files: column names, separate poses."""
     add = parser.add_argument_group("CSV files").add_argument
-    add("--columns", metavar="YAML", help="column naming, if columns do not have the standard names")
+    text = "column naming, if columns do not have the standard names"
+    add("--columns", type=InputPath, metavar="YAML", help=text)
     text = "name of a column: stamp_s=time_ms*0.001, index=gauge1..8 (repeatable)"
     add("--column", action="append", default=[], metavar="NAME=COLUMN", help=text)
     text = "file of palm positions with their own stamps, interpolated at those of the strain (repeatable)"
-    add("--poses", action="append", default=[], metavar="FILE", help=text)
+    add("--poses", type=InputPath, action="append", default=[], metavar="FILE", help=text)
 
 
 def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,9 +65,9 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     for name, (topic, text) in TOPICS.items():
         add(f"--{name}-topic", default=topic, metavar="TOPIC", help=f"{text} (default: {topic})")
     text = "adapter from other messages to strain (docs/sensors.md): a file, or the name of a shipped one"
-    add("--adapter", metavar="YAML", help=text)
+    add("--adapter", type=InputPath, metavar="YAML", help=text)
     text = "folder of .msg files: a bag of Foxy or Humble has no definitions of messages"
-    add("--definitions", metavar="FOLDER", help=text)
+    add("--definitions", type=InputPath, metavar="FOLDER", help=text)
     text = "frame of the palm, looked up in --reference-frame on /tf and /tf_static, in place of --pose-topic"
     add("--palm-frame", default="", metavar="FRAME", help=text)
     text = "frame of poses that need no transform"
@@ -117,7 +119,8 @@ def _seconds(text: str) -> float:
 
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the recordings and the options to read them."""
-    parser.add_argument("recordings", nargs="+", metavar="RECORDING", help="CSV file, scan or bag")
+    text = "CSV file, scan or bag"
+    parser.add_argument("recordings", type=InputPath, nargs="+", metavar="RECORDING", help=text)
     parser.add_argument(
         "--odometry",
         choices=(SIMULATED, EXACT),

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import results, write_picture, write_report
+from tactile_localizer.cli.outputs import InputPath, results, write_picture, write_report
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command line."""
     add_scan_arguments(parser)
     text = f"preset ({', '.join(PRESETS)}) or YAML file; the other options override it"
-    parser.add_argument("--config", metavar="PRESET", help=text)
+    parser.add_argument("--config", type=InputPath, metavar="PRESET", help=text)
     text = f"{SWEEP_MIXTURE} (default), or module:Class, such as tactile_localizer.paper:SumOfGaussians"
     parser.add_argument("--model", metavar="MODEL", help=text)
     parser.add_argument("--filter", choices=FILTERS, help="Bayes filter (default: grid, which is exact)")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import require_picture, results, write_picture, write_report
+from tactile_localizer.cli.outputs import InputPath, require_picture, results, write_picture, write_report
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.scan.scan import Scan
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "folder (default out/plot)"
     plot.add_argument("-o", "--output", type=Path, default=Path("out/plot"), metavar="DIR", help=text)
     for action in (info, plot):
-        action.add_argument("scan", metavar="SCAN", help="folder of the scan")
+        action.add_argument("scan", type=InputPath, metavar="SCAN", help="folder of the scan")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -10,7 +10,7 @@ from textwrap import fill
 
 import yaml
 
-from tactile_localizer.cli.outputs import require_writable, write_picture
+from tactile_localizer.cli.outputs import InputPath, require_writable, write_picture
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
@@ -52,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_seed_argument(parser)
     parser.add_argument(
         "--configurations",
+        type=InputPath,
         nargs="+",
         metavar="NAME",
         help="compare only these: default, presets, or YAML files (default: a choice of all parameters)",

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from tactile_localizer import __version__, cli
-from tactile_localizer.cli.outputs import _INPUTS, require_writable, write_picture
+from tactile_localizer.cli.outputs import require_writable, write_picture
 from tactile_localizer.io.scans import FORMAT
 from tactile_localizer.io.whole_file import RESULT
 from tactile_localizer.offline.json_file import write_json
@@ -223,19 +223,6 @@ def test_results_are_replaced(tmp_path) -> None:
     )
     for name in ("a.png", "a.svg", "a.pdf", "a.json", "a.html"):
         require_writable(tmp_path / name, argparse.Namespace())
-
-
-@pytest.mark.parametrize("command", ["replay", "tradeoff"])
-def test_every_argument_that_names_an_input_is_known_as_one(command: str) -> None:
-    (commands,) = (each for each in cli.command_parser([command])._actions if each.dest == "==SUPPRESS==")
-    named = {
-        action.dest
-        for action in commands.choices[command]._actions
-        if action.metavar in ("FILE", "FOLDER", "PRESET", "RECORDING", "SCAN", "SCENE", "YAML")
-        and action.type is not Path
-    }
-    assert named - {"configurations"} <= set(_INPUTS)
-    assert {"recordings", "scan", "columns", "poses", "adapter"} <= named
 
 
 @pytest.mark.parametrize("seed", ["-1", "x", "1.5"])
