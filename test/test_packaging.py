@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tactile_localizer.cli import COMMANDS
+from tactile_localizer.cli import COMMANDS, main
 
 ROOT = Path(__file__).parents[1]
 PACKAGE_XML = ElementTree.parse(ROOT / "package.xml").getroot()
@@ -184,27 +184,30 @@ def test_a_wheel_has_every_file_of_the_package(installed: Path) -> None:
     assert {path for path in own if not (installed / path).exists()} == set()
 
 
-@pytest.mark.slow
-def test_a_wheel_replays_a_recording_without_extras(installed: Path, tmp_path: Path) -> None:
+def test_a_wheel_without_extras_finds_what_the_source_tree_finds(
+    installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     recording = ROOT / "examples/recordings/engine_bump"
-    for name, sweeps in (("train", range(8)), ("test", range(1))):
-        with gzip.open(recording / f"{name}.csv.gz", "rt") as file:
-            header, *rows = file
-        own = [row for row in rows if int(row.split(",")[1]) in sweeps]
-        (tmp_path / f"{name}.csv").write_text("".join([header, *own]))
-    printed = run_without(
-        EXTRAS,
-        installed,
-        tmp_path,
+    of_wheel, of_source = tmp_path / "wheel", tmp_path / "source"
+    for folder in (of_wheel, of_source):
+        folder.mkdir()
+        for name in ("train", "test"):
+            with gzip.open(recording / f"{name}.csv.gz", "rt") as file:
+                header, *rows = file
+            first = [row for row in rows if row.split(",")[1] == "0"]
+            (folder / f"{name}.csv").write_text("".join([header, *first]))
+    commands = (
         f"import csv train.csv --scene {recording}/scene.yaml -o scan",
-        "replay test.csv --scan scan --seed 1",
-        "tradeoff test.csv --scan scan --configurations fast",
+        "replay test.csv --scan scan --seed 1 --json replay.json",
     )
-    learned, replayed, traded = ast.literal_eval(printed[-1])
-    assert (learned, traded) == (0, 0), "\n".join(printed)
-    assert replayed in (0, 1), "1: some sweep did not converge"
-    assert printed[-2].startswith("tradeoff/tradeoff.png: left out, because it needs matplotlib")
-    (row,) = json.loads((tmp_path / "tradeoff/tradeoff.json").read_text())["candidates"]
+    trade = "tradeoff test.csv --scan scan --configurations fast"
+    *_, left_out, statuses = run_without(EXTRAS, installed, of_wheel, *commands, trade)
+    monkeypatch.chdir(of_source)
+    assert ast.literal_eval(statuses) == [*(main(command.split()) for command in commands), 0]
+    replays = [json.loads((folder / "replay.json").read_text()) for folder in (of_wheel, of_source)]
+    assert replays[0]["updates"] == replays[1]["updates"] != []
+    assert left_out.startswith("tradeoff/tradeoff.png: left out, because it needs matplotlib")
+    (row,) = json.loads((of_wheel / "tradeoff/tradeoff.json").read_text())["candidates"]
     assert row["verdict"]["sweeps"] == 1
 
 
