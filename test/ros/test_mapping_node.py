@@ -166,6 +166,7 @@ def test_diagnostics_describe_recording_and_losses(node_process, probe, files):
 def test_a_full_disk_is_survived(node_process, probe, files):
     process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
+    reports = probe.diagnostics()
     hand.service("start_sweep")
     hand.slide(100)
     hand.wait_for_stamp(100)
@@ -173,7 +174,9 @@ def test_a_full_disk_is_survived(node_process, probe, files):
     resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (100, limit[1]))
     probe.until(lambda: hand.slide(50) or not hand.statuses[-1].sweep_active, "the end of the sweep")
     process.wait_for_line("could not be written")
-    assert "Traceback" not in process.output
+    probe.until(lambda: any("could not be written" in each.status[0].message for each in reports), "an error")
+    assert reports[-1].status[0].level == b"\x02"
+    assert "could not be written" in hand.service("end_sweep").message
     assert not hand.service("start_sweep").success
     resource.prlimit(process.pid, resource.RLIMIT_FSIZE, limit)
     assert hand.service("start_sweep").success

@@ -170,32 +170,6 @@ def test_a_sweep_ends_without_the_strain_that_never_comes(node_process, probe, f
     assert hand.service("start_sweep").success
 
 
-@pytest.mark.parametrize("what", ["the folder", "the file"])
-def test_a_scan_that_is_removed_is_reported_and_written_again(node_process, probe, files, what):
-    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
-    hand = Hand(probe)
-    reports = probe.diagnostics()
-    hand.service("start_sweep")
-    hand.slide(300)
-    hand.wait_for_stamp(300)
-    probe.until(lambda: hand.statuses[-1].samples >= 50, "pairs")
-    file = files["scan_file"] / "sweep_0001.npy"
-    if what == "the file":
-        file.unlink()
-    else:
-        files["scan_file"].rename(files["scan_file"].with_name("moved"))
-    process.wait_for_line(r"sweep_0001.npy: .* removed or cut short; its \d+ pairs are in sweep 2", 5.0)
-    probe.until(lambda: any("removed or cut short" in each for each in messages(reports)), "an error")
-    assert reports[-1].status[0].level == b"\x02"
-    answer = hand.service("end_sweep")
-    assert not answer.success
-    assert "removed or cut short" in answer.message
-    (sweep,) = recorded(files)
-    assert len(sweep) >= 50
-    probe.until(lambda: hand.statuses[-1].samples == len(sweep), "the number of pairs on disk")
-    assert hand.service("start_sweep").success
-
-
 def test_what_a_busy_node_lost_is_not_blamed_on_a_clock(node_process, probe, files):
     process = node_process("mapping_node", parameters={**files, "queue_depth": 5})
     reports = probe.diagnostics()

@@ -15,9 +15,7 @@ import subprocess
 import threading
 import time
 import tty
-from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -30,7 +28,7 @@ from support.waiting import wait_until
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.can.bus import BusSettings
-from tactile_localizer.io.can.commands import Commands, parse_frames
+from tactile_localizer.io.can.commands import Commands
 from tactile_localizer.io.can.driver import OPEN, WAITING, LoadCellDriver
 from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, ERROR_PASSIVE, ERROR_WARNING
 from tactile_localizer.io.can.protocol import FrameKind
@@ -255,35 +253,6 @@ def test_strain_comes_and_returns_with_the_interface(
     # What was on its way when the interface went down can be lost, but nothing of the time without it.
     assert sum(cell.drops for cell in one.driver.counts.phalanges) <= len(delays_s)
     print(f"strain {', '.join(f'{one:.3f}' for one in delays_s)} s after the interface is back")
-
-
-def test_load_cells_are_started_synchronized_and_stopped(
-    bench: Callable[..., Bench], sender: can.BusABC
-) -> None:
-    start, sync, stop = parse_frames(["064#0B", "080#", "064#0C"])
-    one = bench(commands=Commands([start], [stop], [sync], sync_period_s=0.02))
-
-    def until(wanted: can.Message, count: int = 1) -> None:
-        received: Counter[tuple[int, bytes]] = Counter()
-
-        def has_come() -> bool:
-            with suppress(can.CanOperationError):  # it was down
-                while (frame := sender.recv(0)) is not None:
-                    received[frame.arbitration_id, bytes(frame.data)] += 1
-            return received[wanted.arbitration_id, bytes(wanted.data)] >= count
-
-        wait_until(has_come, str(wanted))
-
-    one.driver.start()
-    until(start)
-    until(sync, count=10)
-    ip("link set vcan0 down")
-    wait_until(lambda: one.driver.status.state == WAITING, "the failure")
-    ip("link set vcan0 up")
-    until(start)
-    until(sync, count=10)
-    assert one.driver.stop()
-    until(stop)
 
 
 def test_the_newest_frames_are_used_after_a_delay(bench: Callable[..., Bench], sender: can.BusABC) -> None:

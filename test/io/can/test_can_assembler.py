@@ -284,11 +284,10 @@ def test_faults_and_saturation_are_statuses_of_the_phalanx() -> None:
 HEAD = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: hand robot\n'
 
 
-def message(number: int, name: str, channels: int, counter: bool = True) -> str:
+def message(number: int, name: str, channels: int) -> str:
     lines = [f"\nBO_ {number} {name}: {64 if channels > 3 else 8} hand\n"]
     lines += [f' SG_ ch_{k + 1} : {16 * k}|16@1- (0.001,0) [0|0] "V" robot\n' for k in range(channels)]
-    if counter:
-        lines.append(f' SG_ counter : {16 * channels}|8@1+ (1,0) [0|0] "" robot\n')
+    lines.append(f' SG_ counter : {16 * channels}|8@1+ (1,0) [0|0] "" robot\n')
     return "".join(lines)
 
 
@@ -312,16 +311,3 @@ def test_phalanges_have_the_channels_of_the_dbc(tmp_path: Path) -> None:
     assert part.status.tolist() == [OK, MISSING]
     np.testing.assert_allclose(part.strain[:19], strain[:19], atol=1e-12)
     assert np.isnan(part.strain[19:]).all()
-
-
-def test_load_cells_without_a_counter_are_assembled_by_time(tmp_path: Path) -> None:
-    hand = own(tmp_path, message(16, "index", 3, counter=False), message(17, "thumb", 3, counter=False))
-    frames = []
-    for n in range(20):
-        for p in range(2):
-            if (n, p) != (10, 1):
-                frames += hand.encode(p, np.full(3, 0.001 * n), n, stamp_s=1000 + n * PERIOD_S)
-    made = assembled(frames, CycleAssembler(hand, PERIOD_S))
-    assert [one.status.tolist() for one in made] == [[OK, MISSING if n == 10 else OK] for n in range(1, 20)]
-    np.testing.assert_allclose([one.strain[0] for one in made], 0.001 * np.arange(1, 20), atol=1e-9)
-    assert [one.sequence.tolist() for one in made] == [[n, n] for n in range(1, 20)]

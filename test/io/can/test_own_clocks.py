@@ -105,6 +105,7 @@ def test_losses_from_bursts_neither_mix_samples_nor_split_cycles(
     numbers = [int(strain[0]) for strain in found]
     assert numbers == list(range(1, numbers[-1] + 1))
     assert numbers[-1] >= 298
+    assert [{*one.sequence.tolist()} for one in cycles] == [{n} for n in numbers]
     assert [len(strain) for strain in found] == [
         cells - sum((k, n) in lost for k in range(cells)) for n in numbers
     ]

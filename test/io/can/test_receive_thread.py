@@ -323,18 +323,6 @@ def test_stop_takes_less_than_a_second(line: Callable[..., Line], state: str) ->
         one.opened[-1].recv(0)
 
 
-def test_adapter_stamps_are_replaced(
-    line: Callable[..., Line],
-) -> None:
-    one = line()
-    adapter = can.Bus(interface="virtual", channel=one.channel, preserve_timestamps=True)
-    adapter.send(can.Message(arbitration_id=1, timestamp=12.5))
-    adapter.shutdown()
-    one.wait_for(1)
-    (stamp,) = [message.timestamp for batch in one.batches for message in batch]
-    assert abs(stamp - time.time()) < 60
-
-
 def test_traffic_is_foreign_only_while_nothing_is_delivered(monkeypatch: pytest.MonkeyPatch) -> None:
     totals = iter(range(0, 1000, 10))
     monkeypatch.setattr(driver, "link_of", lambda bus: Link(True, 16, next(totals), ""))
