@@ -162,15 +162,16 @@ def _yaw_notes(path: Path, naming: ColumnNaming, axes: Mapping[str, Columns], ta
 
 
 def _sweep_numbers(path: Path, table: Table) -> np.ndarray:
-    """Numbers of the sweeps (n,) as integers, 1 where the file has none; equal ones of a run are together."""
+    """Numbers (n,) of the sweeps, 1 without any; one may come again where its stamps go back."""
     sweep = table.beside.get(SWEEP, np.ones(len(table.stamp_ns)))
     if other := sweep[~((sweep % 1 == 0) & (sweep >= 0) & (sweep < 1e9))].tolist():
         raise ScanError(f"{path}: expected whole numbers in the column of the sweeps, found {other[0]:g}")
     rows = np.flatnonzero(np.diff(sweep, prepend=-1))
-    begun = sweep[rows].astype(int).tolist()
-    run = np.cumsum(np.diff(table.stamp_ns, prepend=table.stamp_ns[0])[rows] < 0).tolist()
-    if len(set(zip(run, begun, strict=True))) < len(begun):
-        raise ScanError(
-            f"{path}: expected the rows of each sweep together, found sweeps {listed(map(str, begun))}"
-        )
+    begun, last_ns = sweep[rows].astype(int).tolist(), dict[int, int]()
+    begin_ns, end_ns = (table.stamp_ns[each].tolist() for each in (rows, [*rows[1:] - 1, -1]))
+    for number, first, last in zip(begun, begin_ns, end_ns, strict=True):
+        if first >= last_ns.get(number, first + 1):
+            found = listed(map(str, begun))
+            raise ScanError(f"{path}: expected the rows of each sweep together, found sweeps {found}")
+        last_ns[number] = last
     return sweep.astype(int)

@@ -131,6 +131,11 @@ def test_numbers_of_sweeps_may_come_again_where_stamps_jump_back(tmp_path):
     path = write_csv(tmp_path / "a.csv", [*HEADER, "sweep"], session + session)
     recording = read_csv(path, LINE)
     assert [(each.number, len(each)) for each in recording.sweeps] == [(n, 20) for n in range(6)]
+    shuffled = write_csv(
+        tmp_path / "b.csv", [*HEADER, "sweep"], sorted(session, key=lambda row: row[0] % 0.2)
+    )
+    with pytest.raises(ScanError, match="expected the rows of each sweep together"):
+        read_csv(shuffled, LINE)
 
 
 @pytest.mark.parametrize(
