@@ -61,44 +61,51 @@ FLOATS_OF_ANOTHER = """BO_ 16 index: 8 hand
 
 SIG_VALTYPE_ 17 gauge_1 : 1;
 """
+CHANGES = {
+    "a gauge too few": ("gauge_7", "gauge_9", "'gauge_7' once in index_a, index_b, found 0"),
+    "a gauge twice": ("gauge_8", "gauge_1", "'gauge_1' once in index_a, index_b, found 2"),
+    "newtons": ('"V"', '"N"', "unit of V, mV or uV, found 'N'"),
+    "a scale of 0": ("(0.00025,0)", "(0,0)", "'gauge_1' .* scale other than 0"),
+    "a counter with a scale of 0": (
+        "56|4@1+ (1,0)",
+        "56|4@1+ (0,0)",
+        "'counter' of index_a: expected a scale other than 0",
+    ),
+    "one identifier": ("BO_ 259", "BO_ 258", "'index_a'.* found index_a 0x102, index_b 0x102"),
+    "the identifier of an unused message": (
+        "BO_ 260 ",
+        "BO_ 258 ",
+        "expected its name and identifier once in the DBC, found index_a 0x102, middle_a 0x102",
+    ),
+    "a name twice": (
+        "middle_a",
+        "index_a",
+        "'index_a': expected its name and .* found index_a 0x102, index_a 0x104",
+    ),
+    "a counter twice": ("status :", "counter :", "counter and counter are overlapping in message index_a"),
+    "overlapping signals": ("gauge_2 : 14", "gauge_2 : 10", "gauge_2 and gauge_1 are overlapping"),
+    "an empty range": ("[-2.048|2.04775]", "[2|-2]", r"below the maximum, found \[2\|-2\]"),
+    "a range of other bits": (
+        "[-2.048|2.04775]",
+        "[3|5]",
+        r"signal 'gauge_1' of index_a: expected a range that its bits can have, found \[3\|5\]",
+    ),
+    "80 bits": (
+        "gauge_1 : 0|14@1-",
+        "gauge_1 : 0|80@1-",
+        "DBC file|'gauge_1' of index_a: expected at most 64 bits, found 80",
+    ),
+    "a million bits": ("gauge_1 : 0|14", "gauge_1 : 0|1000000", "found 1000000 from bit 0"),
+    "a place far away": ("gauge_1 : 0|", "gauge_1 : 10000000000|", "found 14 from bit 10000000000"),
+    "a number of 5000 digits": ("gauge_1 : 0|14", "gauge_1 : 0|" + "9" * 5000, "1 to 512 bits"),
+    "a frame of many bytes": ("index_a: 8", "index_a: 100000000", "at most 64 bytes, found 100000000"),
+}
+"""Texts of the example, what stands in their places, and why that is refused."""
 BAD_DATABASES = {
     "no such file": (None, "expected a DBC file, No such file"),
     "not a DBC": ("gauges: 8\n", "expected a DBC file"),
     "another hand": (CLASSIC.replace("index_a", "pinky_a").replace("index_b", "pinky_b"), "'index'.*index_a"),
-    "a gauge too few": (CLASSIC.replace("gauge_7", "gauge_9"), "'gauge_7' once in index_a, index_b, found 0"),
-    "a gauge twice": (CLASSIC.replace("gauge_8", "gauge_1"), "'gauge_1' once in index_a, index_b, found 2"),
-    "newtons": (CLASSIC.replace('"V"', '"N"'), "unit of V, mV or uV, found 'N'"),
-    "a scale of 0": (CLASSIC.replace("(0.00025,0)", "(0,0)"), "'gauge_1' .* scale other than 0"),
-    "a counter with a scale of 0": (
-        CLASSIC.replace("56|4@1+ (1,0)", "56|4@1+ (0,0)"),
-        "'counter' of index_a: expected a scale other than 0",
-    ),
     "a float as counter": (HEAD + FLOAT_COUNTER, "expected an integer 'counter', found a float"),
-    "one identifier": (
-        CLASSIC.replace("BO_ 259", "BO_ 258"),
-        "'index_a'.* found index_a 0x102, index_b 0x102",
-    ),
-    "the identifier of an unused message": (
-        CLASSIC.replace("BO_ 260 ", "BO_ 258 "),
-        "expected its name and identifier once in the DBC, found index_a 0x102, middle_a 0x102",
-    ),
-    "a name twice": (
-        CLASSIC.replace("middle_a", "index_a"),
-        "'index_a': expected its name and .* found index_a 0x102, index_a 0x104",
-    ),
-    "a counter twice": (
-        CLASSIC.replace("status :", "counter :"),
-        "counter and counter are overlapping in message index_a",
-    ),
-    "overlapping signals": (
-        CLASSIC.replace("gauge_2 : 14", "gauge_2 : 10"),
-        "gauge_2 and gauge_1 are overlapping",
-    ),
-    "an empty range": (CLASSIC.replace("[-2.048|2.04775]", "[2|-2]"), r"below the maximum, found \[2\|-2\]"),
-    "a range of other bits": (
-        CLASSIC.replace("[-2.048|2.04775]", "[3|5]"),
-        r"signal 'gauge_1' of index_a: expected a range that its bits can have, found \[3\|5\]",
-    ),
     "a message cut short": (
         HEAD + "BO_ 272 index_a: 8 ",
         "message 'index_a': expected its length and sender in the DBC, found it cut short",
@@ -116,30 +123,11 @@ BAD_DATABASES = {
         "'gauge_1' of index: expected a float of 16, 32 or 64 bits, found 24",
     ),
     "an empty file": ("", "expected a DBC file, found no messages"),
-    "80 bits": (
-        CLASSIC.replace("gauge_1 : 0|14@1-", "gauge_1 : 0|80@1-"),
-        "DBC file|'gauge_1' of index_a: expected at most 64 bits, found 80",
-    ),
-    "a million bits": (
-        CLASSIC.replace("gauge_1 : 0|14", "gauge_1 : 0|1000000"),
-        "found 1000000 from bit 0",
-    ),
-    "a place far away": (
-        CLASSIC.replace("gauge_1 : 0|", "gauge_1 : 10000000000|"),
-        "found 14 from bit 10000000000",
-    ),
-    "a number of 5000 digits": (
-        CLASSIC.replace("gauge_1 : 0|14", "gauge_1 : 0|" + "9" * 5000),
-        "1 to 512 bits",
-    ),
-    "a frame of many bytes": (
-        CLASSIC.replace("index_a: 8", "index_a: 100000000"),
-        "at most 64 bytes, found 100000000",
-    ),
     "multiplexed": (
         CLASSIC.replace("gauge_1 :", "gauge_1 m0 :").replace("counter :", "counter M :"),
         "'gauge_1' of index_a: expected it in every frame, it is multiplexed",
     ),
+    **{name: (CLASSIC.replace(old, new), reason) for name, (old, new, reason) in CHANGES.items()},
 }
 
 
