@@ -82,16 +82,20 @@ def simulated_can() -> dict[str, Any]:
 
 
 @pytest.fixture
-def place(simulated_can: dict[str, Any], tmp_path: Path) -> Any:
+def bus(simulated_can: dict[str, Any]) -> dict[str, Any]:
+    """Parameters of nodes on the simulated CAN bus."""
+    interface, channel, port = simulated_can.values()
+    return {"interface": interface, "channel": channel, "bus_options": [f"port={port}"]}
+
+
+@pytest.fixture
+def place(bus: dict[str, Any], tmp_path: Path) -> Any:
     """A :class:`support.scenarios.Place`: a scan of the bump, and two simulated buses."""
     from support.scenarios import Place
     from support.sweeps import write_scan
 
     write_scan(tmp_path / "bump_scan")
-    ports = simulated_can["port"], simulated_can["port"] + 100
-    bus = {name: simulated_can[name] for name in ("interface", "channel")}
-    buses = [{**bus, "bus_options": [f"port={port}"]} for port in ports]
-    return Place(tmp_path, tmp_path / "bump_scan", buses)
+    return Place(tmp_path, tmp_path / "bump_scan", [bus, {**bus, "bus_options": [f"port={_CAN_PORT + 100}"]}])
 
 
 @pytest.fixture

@@ -66,15 +66,17 @@ def frames() -> list[can.Message]:
 
 @pytest.mark.ros
 def test_the_driver_publishes_own_load_cells(
-    copied: Callable[[str], Path], node_process: Any, probe: Any, simulated_can: dict[str, Any]
+    copied: Callable[[str], Path],
+    node_process: Any,
+    probe: Any,
+    bus: dict[str, Any],
+    simulated_can: dict[str, Any],
 ) -> None:
     from tactile_localizer.msg import StrainVectors
 
     folder = copied("own_dbc")
     received = probe.listen(StrainVectors, "strain", probe.best_effort)
-    bus = {name: simulated_can[name] for name in ("interface", "channel")}
-    bus |= {"bus_options": [f"port={simulated_can['port']}"], "period_s": 0.4}
-    own = {**bus, "dbc": folder / "hand.dbc", "tare_file": folder / "tare.yaml"}
+    own = {**bus, "period_s": 0.4, "dbc": folder / "hand.dbc", "tare_file": folder / "tare.yaml"}
     node_process("driver_node", own, parameter_files=[folder / "driver.yaml"])
     with can.Bus(**simulated_can, fd=True, hop_limit=0) as hand:
 

@@ -21,13 +21,6 @@ def scan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def bus(simulated_can: dict[str, Any]) -> dict[str, Any]:
-    """Parameters of the simulated CAN bus."""
-    options = [f"port={simulated_can['port']}"]
-    return {**{name: simulated_can[name] for name in ("interface", "channel")}, "bus_options": options}
-
-
-@pytest.fixture
 def valid(bus: dict[str, Any], scan_file: Path, tmp_path: Path) -> dict[str, dict[str, Any]]:
     """Parameters with which each node can be configured, by its name."""
     save_scene(shipped_scene("bump"), tmp_path / "scene.yaml")
