@@ -110,7 +110,8 @@ def _lines(path: Path, stored: BinaryIO) -> tuple[Iterator[str], int]:
     start = content.peek(256)[:256]
     is_utf_16 = start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     if b"\0" in start and not is_utf_16:
-        raise ScanError(f"{path}: expected a CSV file, found one that is no text (a spreadsheet? export it)")
+        advice = "a spreadsheet? export it; compressed? gzip is read"
+        raise ScanError(f"{path}: expected a CSV file, found one that is no text ({advice})")
     encoding = "utf-16" if is_utf_16 else "utf-8-sig"
     text = io.TextIOWrapper(content, encoding, _LATIN_1, newline="")
 
