@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.bags import SCENE
 from support.sweeps import write_scan
 
 from tactile_localizer.io.scene_file import save_scene
@@ -18,6 +19,13 @@ def scan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("scans") / "bump_scan"
     write_scan(path)
     return path
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> dict[str, Path]:
+    """Parameters of a mapping node for the sheet of :mod:`support.bags`, and a scan that is not there yet."""
+    save_scene(SCENE, tmp_path / "scene.yaml")
+    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"}
 
 
 @pytest.fixture

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from support.bags import SCENE, write_bag
+from support.bags import write_bag
 from support.hand import DEEP_QUEUE, Hand
 from support.learned import unexamined
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.scans.folder import ScanFolder
-from tactile_localizer.io.scene_file import save_scene
 
 pytestmark = pytest.mark.ros
 
@@ -39,11 +38,9 @@ def assert_same_scan(live, imported):
         np.testing.assert_array_equal(one.stamp_ns, other.stamp_ns)
 
 
-@pytest.fixture
-def files(tmp_path, monkeypatch):
+@pytest.fixture(autouse=True)
+def _unexamined(monkeypatch):
     monkeypatch.setattr("tactile_localizer.io.scans.learned.learn", unexamined)
-    save_scene(SCENE, tmp_path / "scene.yaml")
-    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "live_scan"}
 
 
 def slide_badly(hand):

@@ -6,22 +6,15 @@ import time
 
 import numpy as np
 import pytest
-from support.bags import MS, SCENE
+from support.bags import MS
 from support.hand import DEEP_QUEUE, Hand
 from support.sweeps import stamp_of
 
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.writer import ScanWriter
-from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 pytestmark = pytest.mark.ros
-
-
-@pytest.fixture
-def files(tmp_path):
-    save_scene(SCENE, tmp_path / "scene.yaml")
-    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"}
 
 
 def load(files):

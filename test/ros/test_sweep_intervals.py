@@ -14,19 +14,12 @@ from support.hand import DEEP_QUEUE, Hand
 from support.waiting import wait_until
 
 from tactile_localizer.io.scans.folder import ScanFolder
-from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.streams.synchronization import pair_recorded
 
 pytestmark = pytest.mark.ros
 
 PHALANGES = ("index", "middle")
 NODE = "tactile_mapping"
-
-
-@pytest.fixture
-def files(tmp_path):
-    save_scene(SCENE, tmp_path / "scene.yaml")
-    return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"}
 
 
 class Stream(threading.Thread):

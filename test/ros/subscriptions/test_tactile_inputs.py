@@ -2,15 +2,12 @@
 
 import pytest
 from support import bags
-from support.bags import SCENE
 from support.processes import node_command
-
-from tactile_localizer.io.scene_file import save_scene
 
 pytestmark = pytest.mark.ros
 
 
-def test_poses_do_not_fall_behind_the_strain_that_waits_for_them(probe, tmp_path):
+def test_poses_do_not_fall_behind_the_strain_that_waits_for_them(probe, files):
     """The executor processes one message of each topic in turn, and there are five poses for each strain."""
     import rclpy
     from geometry_msgs.msg import PoseStamped
@@ -20,12 +17,10 @@ def test_poses_do_not_fall_behind_the_strain_that_waits_for_them(probe, tmp_path
     from tactile_localizer.msg import StrainVectors
     from tactile_localizer.ros.mapping_node import MappingNode
 
-    save_scene(SCENE, tmp_path / "scene.yaml")
-    parameters = {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "a_scan"}
     reliable = {
         f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in ("strain", "palm_pose")
     }
-    rclpy.init(args=node_command("mapping_node", {**parameters, **reliable})[1:])
+    rclpy.init(args=node_command("mapping_node", {**files, **reliable})[1:])
     node, executor = MappingNode(), SingleThreadedExecutor()
     try:
         node.trigger_configure()
