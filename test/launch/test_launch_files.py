@@ -67,8 +67,8 @@ def test_what_an_integrator_sets_is_used(two_hands: Any, probe: Probe) -> None:
     def subscribed(topic: str) -> list[str]:
         return [info.node_namespace for info in probe.node.get_subscriptions_info_by_topic(topic)]
 
-    probe.until(lambda: subscribed("/robot/right/strain"), "both filters", 60.0)
-    probe.until(lambda: subscribed("/left_hand/strain"), "both filters", 60.0)
+    probe.until(lambda: subscribed("/robot/right/strain"), "both filters")
+    probe.until(lambda: subscribed("/left_hand/strain"), "both filters")
     assert subscribed("/left_arm/pose") == ["/robot/left"]
     assert subscribed("/right_arm/pose") == ["/robot/right"]
 

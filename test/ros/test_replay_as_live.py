@@ -67,7 +67,7 @@ def play(bag: Path, probe: Any) -> list[Any]:
     received = probe.listen(Posterior, "tactile_filter/posterior", 1000)
     kinds = {"/strain": StrainVectors, "/palm_pose": PoseStamped}
     publishers = {
-        "/strain": probe.publisher(StrainVectors, "strain", probe.best_effort, timeout_s=60.0),
+        "/strain": probe.publisher(StrainVectors, "strain", probe.best_effort),
         "/palm_pose": probe.publisher(PoseStamped, "palm_pose", 100),
     }
     probe.known_to("/tactile_filter")

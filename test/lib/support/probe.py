@@ -17,13 +17,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
-from support.waiting import Deadline
+from support.waiting import PATIENCE_S, Deadline
 
 T = TypeVar("T")
 
 _ASK_AGAIN_S = 2.0
-_STARTUP_S = 60.0
-"""Time limit for the start of a process on a busy machine, s."""
 
 
 class Probe:
@@ -42,7 +40,7 @@ class Probe:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 
-    def until(self, condition: Callable[[], T], what: object, timeout_s: float = 30.0) -> T:
+    def until(self, condition: Callable[[], T], what: object, timeout_s: float = PATIENCE_S) -> T:
         """Spin until ``condition`` is true and return its value; fails the test if that takes too long."""
         deadline = Deadline(what, timeout_s)
         while not (value := condition()):
@@ -60,17 +58,17 @@ class Probe:
         """The messages on ``/diagnostics``, as of :meth:`listen`; see :mod:`support.diagnostics`."""
         return self.listen(DiagnosticArray, "/diagnostics", 100)
 
-    def publisher(self, kind: Any, topic: str, qos: QoSProfile | int = 10, timeout_s: float = 30.0) -> Any:
+    def publisher(self, kind: Any, topic: str, qos: QoSProfile | int = 10) -> Any:
         """A publisher, once it is matched with a subscriber."""
         publisher = self.node.create_publisher(kind, topic, qos)
-        self.until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}", timeout_s)
+        self.until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
         return publisher
 
-    def call(self, kind: Any, service: str, request: Any = None, timeout_s: float = 30.0) -> Any:
+    def call(self, kind: Any, service: str, request: Any = None, timeout_s: float = PATIENCE_S) -> Any:
         """The response of a service, once it is available and the node knows its client."""
         client = self.node.create_client(kind, service)
         try:
-            self.until(client.service_is_ready, f"service {service}", max(timeout_s, _STARTUP_S))
+            self.until(client.service_is_ready, f"service {service}", timeout_s)
             self.known_to(service.rpartition("/")[0])
             future = client.call_async(request if request is not None else kind.Request())
             self.until(future.done, f"an answer of {service}", timeout_s)
@@ -103,7 +101,7 @@ class Probe:
         """
         service = f"{node}/get_parameters"
         client = self.node.create_client(GetParameters, service)
-        self.until(client.service_is_ready, f"service {service}", _STARTUP_S)
+        self.until(client.service_is_ready, f"service {service}")
         asked: list[Any] = []
 
         def answered() -> bool:

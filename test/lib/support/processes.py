@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from support.forked_nodes import ForkedNode
-from support.waiting import Deadline, children, wait_until
+from support.waiting import PATIENCE_S, Deadline, children, wait_until
 
 from tactile_localizer.demo import nodes
 from tactile_localizer.ros.base.child_process import end_with_parent
@@ -72,7 +72,7 @@ class Process:
     def running(self) -> bool:
         return bool(self._popen.poll() is None)
 
-    def wait_for_line(self, pattern: str, timeout_s: float = 30.0, after: int = 0) -> str:
+    def wait_for_line(self, pattern: str, timeout_s: float = PATIENCE_S, after: int = 0) -> str:
         """Wait for the first line that matches the regular expression ``pattern``.
 
         The first ``after`` lines do not count.
@@ -90,7 +90,7 @@ class Process:
         except AssertionError as error:
             raise type(error)(f"{self.command[0]}: {error}; it printed:\n{self.output}") from None
 
-    def wait(self, timeout_s: float = 30.0) -> int:
+    def wait(self, timeout_s: float = PATIENCE_S) -> int:
         """The exit status of a process that ends by itself."""
         deadline = Deadline(f"the end of {self.command[0]}", timeout_s)
         try:
@@ -100,7 +100,7 @@ class Process:
         self._reader.join(5)
         return status
 
-    def stop(self, sig: signal.Signals = signal.SIGINT, timeout_s: float = 10.0) -> int:
+    def stop(self, sig: signal.Signals = signal.SIGINT, timeout_s: float = 30.0) -> int:
         """Send a signal and return the exit status; fails if the process does not end in time."""
         if self.running:
             self._popen.send_signal(sig)

@@ -84,7 +84,7 @@ class SlidingHand:
 
         self._Pose, self._Strain = PoseStamped, StrainVectors
         self._probe = probe
-        self._poses = probe.publisher(PoseStamped, topics[1], 100, timeout_s=60.0) if poses else None
+        self._poses = probe.publisher(PoseStamped, topics[1], 100) if poses else None
         self._strains = probe.publisher(StrainVectors, topics[0], probe.best_effort)
         self.sweep = sweep
         self.offset_ns = START_NS

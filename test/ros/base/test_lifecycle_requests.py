@@ -38,7 +38,7 @@ def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe,
     reports = probe.diagnostics()
     process = node_process("filter_node", {"scan_file": uncalibrated, "autostart": False, **CELL})
     client = probe.node.create_client(ChangeState, "tactile_filter/change_state")
-    probe.until(client.service_is_ready, "the filter", 60.0)
+    probe.until(client.service_is_ready, "the filter")
     probe.known_to("tactile_filter")
     configure = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
     answer = client.call_async(configure)

@@ -20,5 +20,5 @@ def test_reliability_of_strain_can_be_overridden(node_process, probe, valid, wan
         ]
         return {info.node_name: info.qos_profile.reliability.name.lower() for info in infos}
 
-    probe.until(lambda: len(reliabilities()) == 3, "all three", 60.0)
+    probe.until(lambda: len(reliabilities()) == 3, "all three")
     assert set(reliabilities().values()) == {wanted}

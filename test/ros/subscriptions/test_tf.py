@@ -128,7 +128,7 @@ class HandOnTf(SlidingHand):
     def __init__(self, probe: Any, palm_frame: str) -> None:
         messages = pytest.importorskip("tf2_msgs.msg", reason="only a ROS 2 distribution has tf2_msgs")
         self._message, self._palm_frame = messages.TFMessage, palm_frame
-        self._tf = probe.publisher(self._message, "/tf", 100, timeout_s=60.0)
+        self._tf = probe.publisher(self._message, "/tf", 100)
         super().__init__(probe, unseen_sweep(), poses=False)
 
     def send_pose(self, k: int) -> None:
