@@ -31,7 +31,7 @@ from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.metrics import with_contact
 from tactile_localizer.offline.replay import replay
-from tactile_localizer.offline.replay_document import learned_values, replay_document
+from tactile_localizer.offline.replay_document import Evaluation, replay_document
 from tactile_localizer.offline.verdict import judge
 from tactile_localizer.scene import Scene
 
@@ -67,11 +67,10 @@ def _replay(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]) -
         rng = np.random.default_rng(args.seed)
         localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
         sweeps = replay(localizer, with_contact(recording, localizer.model), progress)
-    verdict = judge(sweeps)
-    learned = learned_values(scene, localizer.model, calibration)
-    document = replay_document(
-        scene, configuration, recording, sweeps, learned, verdict, odometry=odometry, seed=args.seed
+    evaluation = Evaluation(
+        args.scan, scan, scene, configuration, calibration, localizer, recording, odometry, args.seed, sweeps
     )
+    verdict, document = judge(sweeps), replay_document(evaluation)
     write(document)
     if args.plot is not None:
         from tactile_localizer.offline.figures.replay import replay_figure
@@ -81,8 +80,7 @@ def _replay(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]) -
     if args.report is not None:
         from tactile_localizer.offline.reports.replay import replay_report
 
-        report = partial(replay_report, document, args.scan, scan, scene, localizer, recording, sweeps)
-        write_report(args.report, partial(report, notes, calibration.examination))
+        write_report(args.report, partial(replay_report, evaluation, document, notes))
     for line in notes:
         print(f"note: {line}")
     _print(document, args.scan)

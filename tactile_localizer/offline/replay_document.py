@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,43 @@ import numpy as np
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.axes import MM, describe_sizes
 from tactile_localizer.offline.metrics import position_error, summarize, timing, yaw_error
 from tactile_localizer.offline.replay import ReplayedSweep
-from tactile_localizer.offline.verdict import Verdict
+from tactile_localizer.offline.verdict import judge
 from tactile_localizer.scene import Scene
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A replay, with all that it was made from.
+
+    Parameters
+    ----------
+    scan_name : path of the scan
+    scan, scene : pairs of the map and their scene
+    configuration, calibration : of the localizer
+    localizer : it can localize a sweep again
+    recording : replayed recording
+    odometry : kind of its positions
+    seed : random seed
+    sweeps : the estimates
+    """
+
+    scan_name: str
+    scan: Scan
+    scene: Scene
+    configuration: Configuration
+    calibration: Calibration
+    localizer: Localizer
+    recording: Recording
+    odometry: str
+    seed: int
+    sweeps: Sequence[ReplayedSweep]
 
 
 def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) -> dict[str, str]:
@@ -34,40 +64,25 @@ def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) 
     }
 
 
-def replay_document(
-    scene: Scene,
-    configuration: Configuration,
-    recording: Recording,
-    sweeps: Sequence[ReplayedSweep],
-    learned: Mapping[str, str],
-    verdict: Verdict,
-    *,
-    odometry: str,
-    seed: int,
-) -> dict[str, Any]:
-    """JSON document of a replay; all but ``timing`` is reproducible for a seed.
-
-    Parameters
-    ----------
-    scene : scene of the localizer
-    configuration : configuration of the localizer
-    recording : replayed recording
-    sweeps : its replay
-    learned : values learned from the scan, by name
-    verdict : verdict on the sweeps
-    odometry : kind of the recording's positions
-    seed : random seed
-    """
+def replay_document(evaluation: Evaluation) -> dict[str, Any]:
+    """JSON document of a replay; all but ``timing`` is reproducible for a seed."""
+    verdict = judge(evaluation.sweeps)
+    summary = {
+        "scene": evaluation.scene.name,
+        "odometry": evaluation.odometry,
+        "seed": evaluation.seed,
+        **summarize(evaluation.sweeps),
+    }
     return {
-        "summary": {"scene": scene.name, "odometry": odometry, "seed": seed, **summarize(sweeps)},
+        "summary": summary,
         "verdict": {"success": verdict.success, **asdict(verdict)},
-        "timing": timing(sweeps),
-        "recording": {"source": recording.source, "notes": recording.notes},
-        "configuration": configuration,
-        "learned": dict(learned),
-        "scene": scene_to_dict(scene),
-        "axes": scene.axis_names,
-        "updates": updates(sweeps),
+        "timing": timing(evaluation.sweeps),
+        "recording": {"source": evaluation.recording.source, "notes": evaluation.recording.notes},
+        "configuration": evaluation.configuration,
+        "learned": learned_values(evaluation.scene, evaluation.localizer.model, evaluation.calibration),
+        "scene": scene_to_dict(evaluation.scene),
+        "axes": evaluation.scene.axis_names,
+        "updates": updates(evaluation.sweeps),
     }
 
 

@@ -10,11 +10,9 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import MeasurementError
-from tactile_localizer.io.recording import RecordedSweep, Recording
+from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.axes import MM, describe_sizes
 from tactile_localizer.offline.examination import examination_findings
@@ -23,6 +21,7 @@ from tactile_localizer.offline.figures.replay import paths_figure, replay_figure
 from tactile_localizer.offline.figures.svg import PAGE_STYLE
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
+from tactile_localizer.offline.replay_document import Evaluation
 from tactile_localizer.offline.reports.page import (
     WIDTH_IN,
     Section,
@@ -35,7 +34,6 @@ from tactile_localizer.offline.reports.page import (
 )
 from tactile_localizer.offline.reports.parts import examination_sections, map_section
 from tactile_localizer.offline.verdict import Outcome, judge, outcome, relative_error, worst_sweep
-from tactile_localizer.scene import Scene
 
 _NOTES = 12
 """Most notes beside the verdict."""
@@ -45,43 +43,32 @@ _QUALITY = {Outcome.RIGHT: "good", Outcome.NO_CONTACT: ""}
 """Classes of the rows of sweeps; others are bad."""
 
 
-def replay_report(
-    document: Mapping[str, Any],
-    scan_name: str,
-    scan: Scan,
-    scene: Scene,
-    localizer: Localizer,
-    recording: Recording,
-    sweeps: Sequence[ReplayedSweep],
-    notes: Sequence[str],
-    examination: Examination,
-) -> str:
-    """The report of a replay, HTML.
+def replay_report(evaluation: Evaluation, document: Mapping[str, Any], notes: Sequence[str]) -> str:
+    """The report of a replay, HTML; it localizes the worst sweep again.
 
     Parameters
     ----------
+    evaluation : the replay
     document : what :func:`~.replay_document.replay_document` made of it
-    scan_name : path of the scan
-    scan, scene : pairs of the map and their scene
-    localizer : that of the replay; it localizes the worst sweep again
-    recording, sweeps : what was replayed, and the estimates
     notes : lines about the recording that need attention
-    examination : of the scan
     """
-    verdict, radius = judge(sweeps), describe_sizes(scene, localizer.criteria.radius)
+    verdict, examination = judge(evaluation.sweeps), evaluation.calibration.examination
     explained = "The true positions are unknown, so a sweep that converged may be wrong."
     if verdict.has_truth:
+        radius = describe_sizes(evaluation.scene, evaluation.localizer.criteria.radius)
         explained = f"Right: converged at the end of contact or sweep, and never off by more than {radius}."
     sections = [
-        *examination_sections(examination, scene, examination_findings(scene, examination)),
-        map_section(scan, scene, recording),
-        *_sweeps(sweeps),
-        *_worst_sweep(sweeps, recording, localizer, document["configuration"].filter),
-        _settings(document, scan_name, scene),
+        *examination_sections(
+            examination, evaluation.scene, examination_findings(evaluation.scene, examination)
+        ),
+        map_section(evaluation.scan, evaluation.scene, evaluation.recording),
+        *_sweeps(evaluation.sweeps),
+        *_worst_sweep(evaluation),
+        _settings(evaluation, document),
     ]
     return html_page(
         kind="Replay of a recording",
-        title=f"{file_names(document['recording']['source'])} on {file_names(scan_name)}",
+        title=f"{file_names(evaluation.recording.source)} on {file_names(evaluation.scan_name)}",
         good=verdict.success,
         verdict=sentence(str(verdict)),
         explained=explained,
@@ -144,16 +131,14 @@ def _sweeps(sweeps: Sequence[ReplayedSweep]) -> list[Section]:
     return [Section("Error along the sweeps", figures=figures, folded=[table])]
 
 
-def _worst_sweep(
-    sweeps: Sequence[ReplayedSweep], recording: Recording, localizer: Localizer, filter_name: str
-) -> list[Section]:
+def _worst_sweep(evaluation: Evaluation) -> list[Section]:
     """The sweep that a reader wants to see first, with its belief; none where no sample was usable."""
-    worst = worst_sweep(sweeps)
+    worst = worst_sweep(evaluation.sweeps)
     if worst is None:
         return []
-    sweep = sweeps[worst]
+    sweep = evaluation.sweeps[worst]
     moments = _moments(sweep)
-    beliefs = _beliefs(localizer, recording.sweeps[worst], sweep.row[moments].tolist())
+    beliefs = _beliefs(evaluation.localizer, evaluation.recording.sweeps[worst], sweep.row[moments].tolist())
     with mpl.rc_context(PAGE_STYLE):
         belief = belief_figure(sweep, moments, beliefs, (WIDTH_IN, WIDTH_IN))
         progress = progress_figure(sweep, moments, (WIDTH_IN, 0.8 * WIDTH_IN))
@@ -161,7 +146,7 @@ def _worst_sweep(
     if sweep.converged.any():
         what = f"sweep {sweep.number} converged after the longest travel"
     lines = [f"{sentence(next(iter(judge([sweep]).notes), what))}."]
-    if filter_name == "particle":
+    if evaluation.configuration.filter == "particle":
         lines.append("The belief is of another run of the particle filter, with other random numbers.")
     error, travel = MM * position_error(sweep), MM * travel_from_contact(sweep)
     columns = ("moment", "travel, mm", "probability", "error, mm", "reason")
@@ -205,17 +190,17 @@ def _beliefs(
     return found
 
 
-def _settings(document: Mapping[str, Any], scan_name: str, scene: Scene) -> Section:
+def _settings(evaluation: Evaluation, document: Mapping[str, Any]) -> Section:
     """Everything that is needed to repeat the replay."""
     summary = document["summary"]
     rows = [
         ("", row)
         for row in (
-            ("recording", document["recording"]["source"]),
-            ("scan", scan_name),
+            ("recording", evaluation.recording.source),
+            ("scan", evaluation.scan_name),
             ("samples", f"{summary['strains']:,} in {summary['sweeps']} sweeps"),
-            ("odometry", summary["odometry"]),
-            ("seed", str(summary["seed"])),
+            ("odometry", evaluation.odometry),
+            ("seed", str(evaluation.seed)),
             *document["learned"].items(),
         )
     ]
@@ -223,8 +208,8 @@ def _settings(document: Mapping[str, Any], scan_name: str, scene: Scene) -> Sect
         "Configuration and versions",
         rows=[*rows, *versions()],
         folded=[
-            Section("Configuration", code=yaml_text(asdict(document["configuration"]))),
-            Section("Scene", code=yaml_text(scene_to_dict(scene))),
+            Section("Configuration", code=yaml_text(asdict(evaluation.configuration))),
+            Section("Scene", code=yaml_text(scene_to_dict(evaluation.scene))),
         ],
     )
 

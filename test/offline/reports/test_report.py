@@ -17,13 +17,12 @@ from support.learned import unexamined
 
 from tactile_localizer import Configuration, Recording, __version__, load_scan, make_localizer
 from tactile_localizer.cli import main
-from tactile_localizer.core.calibration.examination import Examination
+from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.offline.replay import replay
-from tactile_localizer.offline.replay_document import replay_document
+from tactile_localizer.offline.replay_document import Evaluation, replay_document
 from tactile_localizer.offline.reports.replay import replay_report
-from tactile_localizer.offline.verdict import judge
 from tactile_localizer.scene import Axis, Phalanx, Scene
 from tactile_localizer.sim import shipped_scene
 
@@ -186,23 +185,11 @@ def test_without_a_truth_the_report_says_that_a_claim_may_be_wrong(folder: Path,
     scan, scene = load_scan(folder / "bump_scan")
     localizer = make_localizer(scan, scene, scan_file=folder / "bump_scan")
     recording = Recording("a_bag", tuple(replace(sweep, truth=None) for sweep in sweeps))
-    replayed, configuration = replay(localizer, recording), Configuration()
-    verdict = judge(replayed)
-    document = replay_document(
-        scene, configuration, recording, replayed, {}, verdict, odometry="recorded", seed=1
+    made = Configuration(), Calibration(np.zeros(2)), localizer, recording, "recorded", 1
+    evaluation = Evaluation("bump_scan", scan, scene, *made, replay(localizer, recording))
+    (tmp_path / "report.html").write_text(
+        replay_report(evaluation, replay_document(evaluation), ["a <note>"])
     )
-    arguments = (
-        document,
-        "bump_scan",
-        scan,
-        scene,
-        localizer,
-        recording,
-        replayed,
-        ["a <note>"],
-        Examination(),
-    )
-    (tmp_path / "report.html").write_text(replay_report(*arguments))
     page = Page(tmp_path / "report.html")
     assert "so a sweep that converged may be wrong" in page.text
     assert "a <note>" in page.text
