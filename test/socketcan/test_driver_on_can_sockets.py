@@ -251,7 +251,7 @@ def test_strain_comes_and_returns_with_the_interface(
         assert one.log[-1] == "CAN bus: open"
     assert min(delays_s) < RETURN_S
     # What was on its way when the interface went down can be lost, but nothing of the time without it.
-    assert sum(cell.drops for cell in one.driver.counts.phalanges) <= len(delays_s)
+    assert sum(cell.drops for cell in one.driver.counts.phalanges) <= 4 * len(delays_s)
     print(f"strain {', '.join(f'{one:.3f}' for one in delays_s)} s after the interface is back")
 
 

@@ -13,7 +13,6 @@ from support.load_cells import CLASSIC, HEAD, data_of, strain_in, write_dbc
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.layout import SignalNames
 from tactile_localizer.io.can.protocol import LoadCellProtocol
-from tactile_localizer.resources import resource_path
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig", "utf-16"])
@@ -288,9 +287,3 @@ def test_boards_of_one_kind_share_a_message(tmp_path: Path) -> None:
             LoadCellProtocol(path, ["index"], {"index": [reference]})
     with pytest.raises(CanError, match=r"0x181 STRAIN: .* found it in thumb and index; .*: STRAIN@0x182"):
         LoadCellProtocol(path, ["thumb", "index"], {"thumb": ["STRAIN"], "index": ["STRAIN"]})
-
-
-def test_a_message_belongs_to_one_phalanx() -> None:
-    path = resource_path("config/loadcells.dbc")
-    with pytest.raises(CanError, match="0x102 index_a: expected it once, found it in index and other"):
-        LoadCellProtocol(path, ["index", "other"], {"other": ["index_a"]})
