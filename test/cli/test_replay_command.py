@@ -116,11 +116,22 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
     assert {"sweep", "converged", "reason", "state", "probability", "on_map", "stamp_ns"} <= set(last)
 
 
-def test_positions_in_millimetres_are_reported_and_not_localized(bump_folder: Path, capsys) -> None:
+@pytest.mark.parametrize(
+    ("columns", "note"),
+    [
+        ("--column=x=x*1000 --column=y=y*1000", "note: 100% of the positions"),
+        (
+            "--config fast --column=index=index_1..8*1000 --column=middle=middle_1..8*1000",
+            "note: 100% of the strains are outside the range of the scan (unit",
+        ),
+    ],
+)
+def test_other_units_are_noted_and_not_localized(bump_folder: Path, capsys, columns: str, note: str) -> None:
     write_short(400)
-    assert main(["replay", "short.csv", "--scan", "bump_scan", "--column=x=x*1000", "--column=y=y*1000"]) == 1
+    assert run(f"replay short.csv --scan bump_scan {columns}") == 1
     printed = capsys.readouterr().out
-    assert "note: 100% of the positions" in printed
+    assert note in printed
+    assert "sweep 0 did not converge: " in printed
     assert "NOT localized" in printed
 
 
@@ -145,15 +156,6 @@ def test_standard_output_may_have_the_json_alone(bump_folder: Path, capsys) -> N
     assert json.loads(printed.out)["updates"] == document("short.json")["updates"]
     assert printed.err.splitlines()[-1] == report.splitlines()[-1]
     assert not Path("-").exists()
-
-
-def test_strain_in_another_unit_and_the_reason_are_printed(bump_folder: Path, capsys) -> None:
-    write_short(400)
-    columns = [f"--column={name}={name}_1..8*1000" for name in ("index", "middle")]
-    assert main(["replay", "short.csv", "--scan", "bump_scan", "--config", "fast", *columns]) == 1
-    printed = capsys.readouterr().out
-    assert "note: 100% of the strains are outside the range of the scan (unit" in printed
-    assert "sweep 0 did not converge: " in printed
 
 
 def test_a_replay_reads_the_columns_of_the_import(bump_folder: Path, tmp_path: Path) -> None:
