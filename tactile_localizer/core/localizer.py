@@ -284,6 +284,7 @@ class Localizer:
         self._updated_ns = 0
         self._belief = None
         self._travel = self._outside = 0.0
+        self._updates = 0
         self._log_likelihoods = np.full(2, np.nan)
 
     def _measure(self, raw: np.ndarray, present: np.ndarray) -> None:
@@ -299,9 +300,9 @@ class Localizer:
         working = self._working(present)
         used, exponent = self.scene.layout.any(working), min(1.0, update_travel / self.information_length)
         outside = float(self._range.strains_outside(raw, used))
-        self._outside += (
-            min(1.0, travel / ENERGY_LENGTH) * (outside - self._outside) if self._belief else outside
-        )
+        self._updates += 1  # at first the mean is of all strains: a single spike is none of the hand's
+        share = max(min(1.0, travel / ENERGY_LENGTH), 1.0 / self._updates)
+        self._outside += share * (outside - self._outside)
 
         prediction, sweep = self._predict(displacement, travel)
         model = self._with_noise(sweep.model, working)

@@ -72,6 +72,7 @@ class Operator:
     record : called with the topic of each message, the message, serialised in CDR, and the time, ns, at which
         it was sent: on a busy machine it is received later, when the hand is elsewhere
     check : called often while something is waited for
+    say : called with the progress that a node reports
     speed : of the simulated hand, while no message is late
 
     Attributes
@@ -81,9 +82,13 @@ class Operator:
     """
 
     def __init__(
-        self, record: Callable[[str, bytes, int], None], check: Callable[[], None], speed: float = 1.0
+        self,
+        record: Callable[[str, bytes, int], None],
+        check: Callable[[], None],
+        say: Callable[[str], None],
+        speed: float = 1.0,
     ) -> None:
-        self._record, self._interrupted = record, threading.Event()
+        self._record, self._say, self._interrupted = record, say, threading.Event()
         self._handlers = {
             number: signal.signal(number, lambda *_: self._interrupted.set())
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -138,6 +143,7 @@ class Operator:
                     self.newest[status.name] = status
                     if any(value.key == "fraction" for value in status.values):
                         self._progress_s = time.monotonic()
+                        self._say(status.message)
         if topic in ("/strain", "/palm_pose", "/tactile_mapping/status", "/tactile_filter/posterior"):
             self._late_s[topic] = 1e-9 * (time.time_ns() - to_ns(message.header.stamp))
         if topic == "/strain":
@@ -257,7 +263,7 @@ def record_session(
         own_domain() as port,
         writer,
         contextlib.closing(Nodes(logs)) as nodes,
-        contextlib.closing(Operator(record, nodes.check, speed)) as operator,
+        contextlib.closing(Operator(record, nodes.check, say, speed)) as operator,
     ):
         for topic, kind in TOPICS.items():
             name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"

@@ -282,6 +282,13 @@ def test_strains_in_another_unit_never_converge(factor):
         assert "outside the range of the scan" in estimate.reason
 
 
+def test_a_spike_as_the_first_strain_is_one_strain_of_those_out_of_range():
+    localizer = build()
+    for n, place in enumerate(np.linspace([0.01, 0.02], [0.016, 0.022], 10)):
+        localizer.update(10_000_000 * n, place, strain_at(place[None])[0] + 1e3 * (n == 0))
+        assert localizer.out_of_range == pytest.approx(1.0 / (1 + n))
+
+
 def test_a_gauge_that_stands_still_is_named_and_the_others_count():
     localizer, rng = build(), np.random.default_rng(0)
     for n in range(60):

@@ -46,7 +46,7 @@ def test_an_interrupt_lets_what_runs_finish(how):
         os.kill(os.getpid(), how)
         finished.append(True)
 
-    with contextlib.closing(Operator(lambda *_: None, check=lambda: None)) as operator:
+    with contextlib.closing(Operator(lambda *_: None, lambda: None, print)) as operator:
         with pytest.raises(KeyboardInterrupt):
             operator.until(interrupted, "an interrupt")
         assert finished == [True]
@@ -68,7 +68,7 @@ def test_a_recording_that_is_late_slows_the_hand_down_and_keeps_the_times_of_sen
     def record(topic, raw, stamp_ns):
         recorded_ns.append(stamp_ns)
 
-    with own_domain(), contextlib.closing(Operator(record, lambda: None, speed=10.0)) as operator:
+    with own_domain(), contextlib.closing(Operator(record, lambda: None, print, speed=10.0)) as operator:
         hand = rclpy.create_node("tactile_simulator")
         hand.declare_parameter("speed", 10.0)
         strain = hand.create_publisher(StrainVectors, "strain", 10_000)
@@ -115,14 +115,15 @@ def test_a_step_lasts_for_as_long_as_a_node_reports_progress(monkeypatch):
     def values(**values):
         return [KeyValue(key=key, value=str(value)) for key, value in values.items()]
 
-    started = session.Operator(lambda *_: None, check=lambda: None)
+    said: list[str] = []
+    started = session.Operator(lambda *_: None, lambda: None, said.append)
     with contextlib.closing(started) as operator:
         node = rclpy.create_node("tactile_filter")
         diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
         def advance(**reported):
             """Report, and let most of the time limit pass once that is received; returns whether it is."""
-            status = DiagnosticStatus(name=name, values=values(**reported))
+            status = DiagnosticStatus(name=name, message=str(reported), values=values(**reported))
             diagnostics.publish(DiagnosticArray(status=[status]))
             arrived = name in operator.newest and operator.newest[name].values == status.values
             passed_s[0] += 250.0 * arrived
@@ -138,6 +139,7 @@ def test_a_step_lasts_for_as_long_as_a_node_reports_progress(monkeypatch):
         try:
             operator.until(loaded, "a map")
             assert passed_s[0] > 1000.0
+            assert set(said) == {str({"fraction": 0.2 * step}) for step in range(1, 6)}
             with pytest.raises(LiveError, match="waited 300 s for a map"):
                 operator.until(lambda: advance(reason="uniform") and False, "a map")
         finally:
