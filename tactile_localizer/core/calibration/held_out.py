@@ -76,7 +76,7 @@ def register(
     beside = step * np.vstack([np.zeros(axes), np.eye(axes), -np.eye(axes)]) / scale
     places = (positions + beside[:, None]).reshape(-1, axes)
     interpolation = interpolate(tracks, places, scan.spacing, without)
-    expected = scan.expected(interpolation)
+    expected = interpolation.expected(scan.signal)
     spread = model.variance.variance(expected, layout)[: len(positions), 0]
     mean = expected.average.reshape(len(beside), len(positions), -1)
     residual, slope = scan.strain[points] - mean[0], (mean[1 : 1 + axes] - mean[1 + axes :]) / (2.0 * step)

@@ -49,7 +49,7 @@ class SweepModel(NamedTuple):
         """The model of some ``points`` (n,) bool of the scan's tracks, with noise and variance of all."""
         scan = self.scan
         tracks, of = scan.tracks.part(points)
-        kept = {name: getattr(scan, name)[points] for name in ("strain", "kept")}
+        kept = {name: getattr(scan, name)[points] for name in ("strain", "signal")}
         return self._replace(scan=scan._replace(tracks=tracks, held_out=None, levels=scan.levels[of], **kept))
 
     def quiet_energy(self, mixture: SweepMixture, information_length: float) -> np.ndarray:

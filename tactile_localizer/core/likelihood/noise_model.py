@@ -19,7 +19,7 @@ from tactile_localizer.core.likelihood.drift import OUTLIER, Drift
 from tactile_localizer.core.likelihood.material import CLOTH_MEMORY, Material
 from tactile_localizer.core.likelihood.student_t import log_density, scatter
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise, white_noise
-from tactile_localizer.core.scan.interpolation import Expectation, HeldOut, Interpolation, hold_out
+from tactile_localizer.core.scan.interpolation import HeldOut, hold_out
 from tactile_localizer.core.scan.lines import line_spacing
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import PITCH, Tracks
@@ -97,7 +97,7 @@ class WhitenedScan(NamedTuple):
     levels : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
         level is known
     strain : (n, W) of the tracks' points, whitened, without the levels
-    kept : (n, F) part of it that is reproducible, by phalanx: exactly zero where nothing is
+    signal : (n, W) its reproducible part: exactly zero where nothing is reproducible
     """
 
     tracks: Tracks
@@ -107,16 +107,7 @@ class WhitenedScan(NamedTuple):
     noise: NoiseModel
     levels: np.ndarray
     strain: np.ndarray
-    kept: np.ndarray
-
-    @property
-    def signal(self) -> np.ndarray:
-        """The reproducible part (n, W) of the strain."""
-        return self.strain * self.noise.layout.expand(self.kept)
-
-    def expected(self, interpolation: Interpolation) -> Expectation:
-        """What is expected at the places of an interpolation of its tracks."""
-        return interpolation.expected(self.signal, self.kept)
+    signal: np.ndarray
 
 
 def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
@@ -205,7 +196,7 @@ def _whitened(
         _kept(strain, layout, tracks), _reproducible_fraction(strain, held_out, material, pitch)
     )
     levels = material.sheet * (level - centre)
-    return WhitenedScan(tracks, spacing, held_out, material, noise, levels, strain, kept)
+    return WhitenedScan(tracks, spacing, held_out, material, noise, levels, strain, kept * strain)
 
 
 def _texture_ratio(scan: WhitenedScan, held_out: HeldOut) -> float:
@@ -229,7 +220,7 @@ def _wander(scan: WhitenedScan, held_out: HeldOut) -> float:
     in part, and so do those at places where the map itself is uncertain.
     """
     layout, pitch = scan.noise.layout, scan.tracks.pitch
-    expected = scan.expected(held_out.interpolation.best(1))
+    expected = held_out.interpolation.best(1).expected(scan.signal)
     # The noise of the mean is left in: where a map is of few sweeps, the safer model is preferred.
     variance = 1.0 + layout.mean(expected.interpolation_error[:, 0])
     residual = (scan.strain[held_out.points] - expected.mean[:, 0]) / np.sqrt(layout.expand(variance))
@@ -252,7 +243,7 @@ def _differences(
         roughness = np.diff(strain, n=2, axis=0) / np.sqrt(6.0)
         return roughness if len(roughness) else np.zeros_like(strain)
     expected = held_out.interpolation.best(1).expected(strain)
-    differences = (strain[held_out.points] - expected.mean[:, 0]) / np.sqrt(1.0 + expected.noise[:, 0])
+    differences = (strain[held_out.points] - expected.mean[:, 0]) / np.sqrt(1.0 + expected.noise)
     near, found = expected.distance <= 2.0 * max(spacing, 2.0 * PITCH), []
     for own in held_out.slices:
         inside, difference = near[own] | ~near[own].any(), differences[own]
@@ -350,17 +341,17 @@ def bounded(values: np.ndarray) -> np.ndarray:
 
 
 def _kept(strain: np.ndarray, layout: ChannelLayout, tracks: Tracks) -> np.ndarray:
-    """Part (n, F) of deviations (n, W) that is more than the noise in their energy (James and Stein, 1961).
+    """Deviations (n, W) shrunk by the noise in their energy (James and Stein, 1961).
 
     Featureless places become exactly equal, and carry no information on the position (paper, III-D). Outside
-    the feature's region, if the scene gives one, it is zero.
+    the feature's region, if the scene gives one, deviations are set to zero.
     """
     scene = tracks.scene
     energy = layout.mean(_smoothed(strain**2, tracks.slices, _points(_CORRELATED, tracks)))
     kept = np.maximum(1.0 - 2.0 / np.maximum(energy, 1e-9), 0.0)
     if scene.feature is not None:
         kept = kept * phalanges_on_feature(scene, tracks.positions)
-    return np.asarray(kept)
+    return np.asarray(layout.expand(kept))
 
 
 def _points(length: float, tracks: Tracks) -> int:

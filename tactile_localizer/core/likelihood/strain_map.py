@@ -66,7 +66,9 @@ class VarianceModel:
 def _terms(expected: Expectation, layout: ChannelLayout) -> np.ndarray:
     """Variances (3, M, K, F) of which the factors are fitted: of the visit, the signal, the interpolation."""
     signal, error = layout.mean(expected.mean**2), layout.mean(expected.interpolation_error)
-    return np.stack(np.broadcast_arrays(1.0 + expected.noise, signal, error))
+    # Where both tracks are exactly featureless, their mean has no noise: no place is preferred there.
+    visit = 1.0 + expected.noise[..., None] * (signal + error > 0.0)
+    return np.stack([visit, signal, error])
 
 
 class StrainMap(NamedTuple):
@@ -129,13 +131,13 @@ def fit_variance(scan: WhitenedScan) -> VarianceModel:
         return VarianceModel()
     layout, material = scan.noise.layout, scan.material
     points, slices, interpolation = scan.held_out
-    first = scan.expected(interpolation.best(1))
+    first = interpolation.best(1).expected(scan.signal)
     residuals = scan.strain[points] - first.mean[:, 0]
     for own in slices:
         residuals[own] = material.innovations(residuals[own], scan.tracks.pitch, robust=True)
     points = np.arange(len(residuals))
     thinned = np.concatenate([points[own][:: max(1, len(points[own]) // _MOST_POINTS)] for own in slices])
-    expected = scan.expected(interpolation.at(thinned))
+    expected = interpolation.at(thinned).expected(scan.signal)
     by_component = residuals[thinned, None] + first.mean[thinned] - expected.mean
     return _fitted(expected, by_component, layout, material.sheet)
 
@@ -199,7 +201,7 @@ def build_map(
     tables: list[np.ndarray] = []
     for part in tiles(places * levers(scene)):
         interpolation = interpolate(scan.tracks, places[part], scan.spacing)
-        expected = scan.expected(interpolation)
+        expected = interpolation.expected(scan.signal)
         spread = variance.variance(expected, scan.noise.layout)
         found = (expected.mean, spread, expected.log_prior)
         if not tables:

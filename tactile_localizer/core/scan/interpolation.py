@@ -39,7 +39,7 @@ class Expectation(NamedTuple):
     mean : (M, K, C) strain
     interpolation_error : (M, K, C) squared difference of the two tracks, scaled by l (1 - l) with l the
         fraction of the way from one to the other
-    noise : (M, K, F) variance of the mean, in units of the noise of one visit; (M, K, 1): of all phalanges
+    noise : (M, K) variance of the mean, in units of the noise of one visit
     log_prior : (M, K) logarithms of the components' prior probabilities
     distance : (M,) from the place to the nearest track, m
     """
@@ -64,8 +64,7 @@ class Interpolation(NamedTuple):
     points : (M, K, P) int, P points for each component
     weights : (M, K, P) of their strains in the mean
     difference : (M, K, P) weights in the difference whose square is the interpolation error
-    noise : (M, K) variance of the mean, in units of the noise of one visit
-    log_prior, distance : as in :class:`Expectation`
+    noise, log_prior, distance : as in :class:`Expectation`
     """
 
     points: np.ndarray
@@ -75,25 +74,19 @@ class Interpolation(NamedTuple):
     log_prior: np.ndarray
     distance: np.ndarray
 
-    def expected(self, strain: np.ndarray, kept: np.ndarray | None = None) -> Expectation:
-        """Expected strains, where the tracks' points have ``strain`` (n, C).
+    def expected(self, strain: np.ndarray) -> Expectation:
+        """Expected strains, where the tracks' points have ``strain`` (n, C)."""
+        count, shape = self.points.shape[-1], (*self.points.shape[:2], strain.shape[1])
+        starts = np.arange(0, self.points.size + 1, count)
 
-        ``kept`` (n, F) is the part to which each phalanx's strain was shrunk; ``None``: all. What is left has
-        that part of the noise as its variance, as the posterior of a normal prior has.
-        """
-        noise = self.noise[..., None]
-        if kept is not None:
-            squares = np.square(self.weights)
-            noise = noise * self._summed(squares, kept) / squares.sum(axis=-1, keepdims=True)
-        mean, error = self._summed(self.weights, strain), np.square(self._summed(self.difference, strain))
-        return Expectation(mean, error, noise, self.log_prior, self.distance)
+        def summed(weights: np.ndarray) -> np.ndarray:
+            matrix = csr_array(
+                (weights.ravel(), self.points.ravel(), starts), shape=(len(starts) - 1, len(strain))
+            )
+            return np.asarray(matrix @ strain).reshape(shape)
 
-    def _summed(self, weights: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Sums (M, K, C) of ``values`` (n, C) at the points, with ``weights`` (M, K, P)."""
-        starts = np.arange(0, self.points.size + 1, self.points.shape[-1])
-        shape = len(starts) - 1, len(values)
-        matrix = csr_array((weights.ravel(), self.points.ravel(), starts), shape=shape)
-        return np.asarray(matrix @ values).reshape(*self.points.shape[:2], -1)
+        error = np.square(summed(self.difference))
+        return Expectation(summed(self.weights), error, self.noise, self.log_prior, self.distance)
 
     def best(self, components: int) -> Interpolation:
         """The components with the highest prior alone."""

@@ -57,9 +57,8 @@ def test_a_large_constant_in_a_channel_changes_nothing(made: Scan, scene: Scene)
 def test_whitened_residuals_have_unit_covariance() -> None:
     estimate = as_cloth(cloth(4))
     assert estimate.held_out is not None
-    expected = estimate.expected(estimate.held_out.interpolation)
-    variance = 1.0 + estimate.noise.layout.expand(expected.noise[:, 0])
-    residuals = (estimate.strain - expected.mean[:, 0]) / np.sqrt(variance)
+    expected = estimate.held_out.interpolation.expected(estimate.signal)
+    residuals = (estimate.strain - expected.mean[:, 0]) / np.sqrt(1.0 + expected.noise)
     np.testing.assert_allclose(np.cov(residuals.T), np.eye(8), atol=0.3)
 
 

@@ -62,7 +62,7 @@ def test_repeats_on_one_axis_are_averaged() -> None:
     tracks = joined(LINE, (x[:20], np.zeros((20, 8))), (x, np.ones((40, 8))))
     expected = interpolate(tracks, np.array([[0.004], [0.018]]), 0.0).expected(tracks.strain)
     np.testing.assert_allclose(expected.mean[:, 0, 0], [0.5, 1.0])
-    np.testing.assert_allclose(expected.noise[:, 0, 0], [0.5, 1.0])
+    np.testing.assert_allclose(expected.noise[:, 0], [0.5, 1.0])
 
 
 def test_interpolation_error_grows_beyond_the_ends_of_tracks() -> None:

@@ -45,13 +45,12 @@ def noise_model(
 
 
 def whitened_scan(scan: Scan, scene: Scene) -> WhitenedScan:
-    """A scan of a sheet with noise of 1 V, of which every strain but zero is signal."""
+    """A scan of a sheet with noise of 1 V, of which every strain is signal."""
     tracks = Tracks.of(scan, scene)
     spacing, levels = line_spacing(tracks), np.zeros((len(tracks), scene.layout.size))
     noise, strain = noise_model(scene.layout), tracks.strain
-    kept = scene.layout.any(strain != 0.0).astype(np.float64)
     return WhitenedScan(
-        tracks, spacing, hold_out(tracks, spacing), Material(1.0), noise, levels, strain, kept
+        tracks, spacing, hold_out(tracks, spacing), Material(1.0), noise, levels, strain, strain
     )
 
 
