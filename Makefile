@@ -45,8 +45,9 @@ lint: venv ## Check style, types and the direction of imports
 pytest := $(run) python -m pytest --reruns 2 --only-rerun StarvedError --durations=10
 # Tests of nodes spend much of their time waiting, so there are more workers than cores; the longest files come
 # first; beside them runs the kernel with CAN sockets. Tests that depend on real time (soak, demo, scenarios of
-# several nodes) run last, two at a time.
-in_real_time := test/soak test/demo test/integration test/launch test/ros/test_sweep_intervals.py
+# several nodes) run last, two at a time, and alone those that keep all cores busy.
+in_real_time := test/soak test/demo test/integration test/launch
+alone := test/ros/test_sweep_intervals.py
 long := test/regression test/ros test/test_examples.py test/test_packaging.py test/test_library.py test/benchmarks test/cli test/core
 others := $(filter-out $(in_real_time) $(long) test/socketcan test/lib test/__pycache__, $(patsubst %/,%,$(wildcard test/*/)) $(wildcard test/test_*.py))
 
@@ -57,11 +58,12 @@ ifdef ARGS
 else
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=line test-most test-socketcan
 	$(pytest) --numprocesses 2 --dist load --maxschedchunk 1 $(in_real_time)
+	$(pytest) $(alone)
 endif
 
 .PHONY: test-most
 test-most: build
-	$(pytest) --numprocesses 3 --dist loadfile --no-loadscope-reorder $(addprefix --ignore=,$(in_real_time)) $(long) $(others)
+	$(pytest) --numprocesses 3 --dist loadfile --no-loadscope-reorder --ignore=$(alone) $(long) $(others)
 
 .PHONY: test-socketcan
 test-socketcan: build ## Test the driver on CAN sockets, in a kernel of its own (Debian, Ubuntu: user-mode-linux)

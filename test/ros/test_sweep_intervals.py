@@ -2,8 +2,11 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
+from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
@@ -14,12 +17,26 @@ from support.hand import DEEP_QUEUE, Hand
 from support.waiting import wait_until
 
 from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.ros.base.child_process import end_with_parent
 from tactile_localizer.streams.synchronization import pair_recorded
 
 pytestmark = pytest.mark.ros
 
 PHALANGES = ("index", "middle")
 NODE = "tactile_mapping"
+
+
+@contextmanager
+def busy_processes(count):
+    """Context in which processes use all CPUs."""
+    command = [sys.executable, "-c", "while True: pass"]
+    busy = [subprocess.Popen(command, preexec_fn=end_with_parent) for _ in range(count)]  # noqa: PLW1509
+    try:
+        yield
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
 
 
 class Stream(threading.Thread):
@@ -133,6 +150,34 @@ def test_a_sweep_is_an_interval_of_the_stamps(node_process, probe, files, delay_
     assert before_ns - margin_ns < sweep.stamp_ns[0] < started_ns + 2 * period_ns
     assert until_ns - period_ns - margin_ns < sweep.stamp_ns[-1]
     require_as_offline(sweep, stream)
+
+
+@pytest.mark.slow
+def test_no_pair_is_lost_beside_six_busy_processes(node_process, probe, files):
+    """With five poses for each strain vector, the poses must not fall behind."""
+    two_periods_ns = 2 * Stream.STRAIN_MS * MS
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE, **RELIABLE, "patience_s": 30.0})
+    stream = Stream(probe)
+    intervals = []
+    try:
+        with busy_processes(6):
+            for _ in range(5):
+                assert probe.trigger(f"{NODE}/start_sweep").success
+                begin_ns = stream.now_ns()
+                wait_until(lambda begin_ns=begin_ns: stream.now_ns() > begin_ns + 10**9, "a second")
+                intervals.append((begin_ns, stream.now_ns()))
+                answer = probe.trigger(f"{NODE}/end_sweep")
+                assert answer.success, answer.message
+                assert "without a pose" not in answer.message
+    finally:
+        stream.close()
+    sweeps = recorded(files)
+    assert len(sweeps) == 5
+    for sweep, (begin_ns, end_ns) in zip(sweeps, intervals, strict=True):
+        assert sweep.gaps == 0
+        assert sweep.stamp_ns[0] < begin_ns + two_periods_ns
+        assert sweep.stamp_ns[-1] > end_ns - two_periods_ns
+        require_as_offline(sweep, stream)
 
 
 def test_a_sweep_without_pairs_is_no_success(node_process, probe, files):
