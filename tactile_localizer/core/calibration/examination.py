@@ -8,8 +8,8 @@ posterior (Bissiri, Holmes and Walker, 2016) is learned.
 
 The score is that of sweeps on the map. Parts of sweeps on a map of which their surroundings are left out are
 other material of the same kind: there every claim is false. Lengths at which false claims are more than
-chance are not chosen. Where an axis is not known better than by ignorance, by more than a standard error, it
-is the longest length: nothing that was scanned tells places along it apart.
+chance are not chosen. Where an axis is known no better than by ignorance, it is the longest length: nothing
+that was scanned tells places along it apart.
 """
 
 from __future__ import annotations
@@ -126,12 +126,6 @@ class Examination:
         return np.asarray(1.0 - score / np.minimum(self.ignorance_axes, -1e-9))
 
     @property
-    def known(self) -> np.ndarray:
-        """Whether each axis (d,) is known better than by ignorance, by more than a standard error."""
-        gain = np.array([each.axes for each in self.on_map]) - self.ignorance_axes
-        return np.asarray(gain.mean(axis=0) > gain.std(axis=0) / math.sqrt(max(len(gain) - 1, 1)))
-
-    @property
     def error(self) -> np.ndarray:
         """Mean error (d,) along each axis of the sweeps that are right, m (yaw: rad); empty where none is."""
         right = [each.error for each in self.on_map if each.right]
@@ -196,7 +190,7 @@ def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | No
         return Examination(LENGTHS[choice], *ignorance, tuple(tried[choice]), scores)
 
     found = examination(best)
-    if not found.known.all():
+    if (found.observed < 0.0).any():
         longest = len(LENGTHS) - 1
         merit(longest)
         found = examination(longest)
