@@ -300,7 +300,7 @@ class Localizer:
         working = self._working(present)
         used, exponent = self.scene.layout.any(working), min(1.0, update_travel / self.information_length)
         outside = float(self._range.strains_outside(raw, used))
-        self._updates += 1  # at first the mean is of all strains: a single spike is none of the hand's
+        self._updates += 1  # at first the mean is over all strains, so that a spike is only one of them
         share = max(min(1.0, travel / ENERGY_LENGTH), 1.0 / self._updates)
         self._outside += share * (outside - self._outside)
 

@@ -15,7 +15,7 @@ from tactile_localizer.offline.replay import ReplayedSweep
 
 
 class Outcome(Enum):
-    """What became of a sweep, in words, from bad to good; see :class:`Verdict`."""
+    """How a sweep ended, from bad to good; :class:`Verdict` says when each holds."""
 
     WRONG = "wrong"
     NEVER = "never converged"
@@ -98,7 +98,7 @@ def judge(sweeps: Sequence[ReplayedSweep]) -> Verdict:
 
 
 def outcome(sweep: ReplayedSweep) -> Outcome:
-    """What became of a sweep."""
+    """How a sweep ended."""
     in_contact = sweep.converged[sweep.on_contact]
     if (relative_error(sweep) > 1.0).any():
         return Outcome.WRONG
