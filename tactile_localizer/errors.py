@@ -14,11 +14,15 @@ Each message is one line that names the object, what was expected and what was f
 prints it after ``error:`` and exits with status 2; a node logs it and rejects the transition.
 """
 
+import traceback
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 _MAX_LENGTH = 800
 """Longest message, characters; the middle of a longer one is left out."""
+
+_MAX_REASON = 300
+"""Longest text of an exception of another package, characters."""
 
 _MAX_LISTED = 20
 """Most names listed in a message."""
@@ -42,6 +46,13 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A hint at the name of ``known`` that is most similar to ``name``; empty if none is."""
     near = get_close_matches(name, known, n=1)
     return f" (did you mean {near[0]}?)" if near else ""
+
+
+def located(error: BaseException) -> str:
+    """Type and text of an exception that nobody expected, and the line that raised it."""
+    frames = [] if isinstance(error, SyntaxError) else traceback.extract_tb(error.__traceback__)
+    location = f" ({frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno})" if frames else ""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:_MAX_REASON]}{location}"
 
 
 class TactileLocalizerError(Exception):

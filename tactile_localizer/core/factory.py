@@ -19,7 +19,7 @@ from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.likelihood.base import MeasurementModel
-from tactile_localizer.core.likelihood.user_defined import build_named_model
+from tactile_localizer.core.likelihood.user_defined import NamedModel
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.plausibility import still_travel
 from tactile_localizer.core.scan.range import ScanRange
@@ -158,13 +158,13 @@ def _position_model(
     Raises
     ------
     ParameterError
-        There is no such model, or its ``information_length`` is not positive.
+        There is no such model, it cannot be made, or its ``information_length`` is not positive.
     """
     if configuration.model == SWEEP_MIXTURE:
         return None
     without = _without_levels(scan, scene, learned.scan.levels)
-    model = build_named_model(configuration.model, without, scene)
-    length = getattr(model, "information_length", calibration.examination.information_length)
+    model = NamedModel(configuration.model, without, scene)
+    length = model.information_length(calibration.examination.information_length)
     return model, number(length, f"information_length of {configuration.model}", lower=1e-6)
 
 

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
+
+import numpy as np
 
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ParameterError
+from tactile_localizer.errors import ParameterError, TactileLocalizerError, located
 from tactile_localizer.scene import Scene
 
 SEPARATOR = ":"
 """Separates module and class in the name of a model."""
 
 
-def build_named_model(name: str, scan: Scan, scene: Scene) -> MeasurementModel:
-    """Build a measurement model from its name.
+class NamedModel:
+    """A measurement model named ``module:Class``, each of whose faults is an error that names it.
 
     Parameters
     ----------
@@ -25,24 +29,54 @@ def build_named_model(name: str, scan: Scan, scene: Scene) -> MeasurementModel:
     Raises
     ------
     ParameterError
-        No such module or class, or its instance is not a measurement model.
+        No such module or class, it cannot be built, or its instance is not a measurement model.
     """
-    module_name, _, class_name = name.partition(SEPARATOR)
-    try:
-        module = importlib.import_module(module_name)
-    except (ImportError, TypeError, ValueError) as error:
-        raise ParameterError(
-            f"model {name!r}: expected a module on Python's path (PYTHONPATH), {error}"
-        ) from None
-    made: Any = getattr(module, class_name, None)
-    if not isinstance(made, type):
-        raise ParameterError(
-            f"model {name!r}: expected a class {class_name} in {module_name}, found {made!r:.80}"
-        )
-    try:
-        model = made(scan, scene)
-    except TypeError as error:
-        raise ParameterError(f"model {name!r}: expected arguments scan, scene, {error}") from None
-    if not isinstance(model, MeasurementModel):
-        raise ParameterError(f"model {name!r}: expected a measurement model, got {type(model).__name__}")
-    return model
+
+    def __init__(self, name: str, scan: Scan, scene: Scene) -> None:
+        self._name = name
+        module_name, _, class_name = name.partition(SEPARATOR)
+        with self._named("a module on Python's path (PYTHONPATH)"):
+            module = importlib.import_module(module_name)
+        made: Any = getattr(module, class_name, None)
+        if not isinstance(made, type):
+            raise self._error(f"a class {class_name} in {module_name}", f"found {made!r:.80}")
+        with self._named("a class that can be made with scan, scene"):
+            self._model: MeasurementModel = made(scan, scene)
+        if not isinstance(self._model, MeasurementModel):
+            raise self._error("a measurement model", f"got {type(self._model).__name__}")
+
+    def information_length(self, default: float) -> Any:
+        """Travel per independent measurement, m, where the model gives it; otherwise the default."""
+        return getattr(self._model, "information_length", default)
+
+    def log_likelihood(
+        self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
+    ) -> np.ndarray:
+        """As :meth:`.MeasurementModel.log_likelihood`.
+
+        Raises
+        ------
+        ParameterError
+            The model fails, or gives something else than a log-density at each of the states.
+        """
+        with self._named("log-likelihoods"):
+            made = np.asarray(self._model.log_likelihood(states.copy(), strain.copy(), present))
+            found = made.astype(np.float64, casting="same_kind", copy=False)
+        if found.shape != (len(states),):
+            raise self._error(f"log-likelihoods of shape ({len(states)},)", f"got {found.shape}")
+        if not np.all(found < np.inf):
+            raise self._error("finite log-likelihoods", "got NaN or infinity")
+        return found
+
+    @contextmanager
+    def _named(self, expected: str) -> Iterator[None]:
+        """Context in which a failure of the model becomes an error that says where it is."""
+        try:
+            yield
+        except TactileLocalizerError:
+            raise
+        except (Exception, SystemExit) as error:  # of code that is not ours
+            raise self._error(expected, located(error)) from None
+
+    def _error(self, expected: str, found: str) -> ParameterError:
+        return ParameterError(f"model {self._name!r}: expected {expected}, {found}")

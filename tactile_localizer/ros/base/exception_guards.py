@@ -7,28 +7,20 @@ is caught here and logged in one line; a message is dropped, and a service reque
 from __future__ import annotations
 
 import inspect
-import traceback
 from collections.abc import Callable
 from functools import wraps
-from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
 
-from tactile_localizer.errors import TactileLocalizerError
+from tactile_localizer.errors import TactileLocalizerError, located
 
-_MAX_LENGTH = 300
 _LOG_PERIOD_S = 1.0
 
 
 def one_line(error: BaseException) -> str:
     """The text of an error in one line; for an unexpected type of error also the type and the location."""
-    if isinstance(error, TactileLocalizerError):
-        return str(error)
-    text = " ".join(str(error).split())[:_MAX_LENGTH]
-    frames = traceback.extract_tb(error.__traceback__)
-    location = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-    return f"unexpected {type(error).__name__}: {text}{location}"
+    return str(error) if isinstance(error, TactileLocalizerError) else f"unexpected {located(error)}"
 
 
 def guard_callback(node: Node, name: str, callback: Callable[..., None]) -> Callable[..., None]:
