@@ -13,7 +13,7 @@ import keyword
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 from tactile_localizer import __version__
 from tactile_localizer.errors import TactileLocalizerError, did_you_mean
@@ -108,7 +108,17 @@ def command_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that names the choice which a misspelled one resembles, as Python's own does from 3.14 on."""
+    """A parser whose errors are one line, with the option or the choice that a misspelled one resembles."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:  # of a command; the parser of all commands has other options
+            hint = did_you_mean(unknown[0].partition("=")[0], self._option_string_actions)
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+        return found, unknown
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"error: {message}; `{self.prog} --help` shows what can be given\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         try:

@@ -232,7 +232,7 @@ def test_a_seed_that_is_no_number_is_refused(command, seed, capsys: pytest.Captu
         cli.main([*command, "--seed", seed])
     refusal = capsys.readouterr().err
     assert "argument --seed" in refusal
-    assert refusal.endswith(f"got {seed}\n")
+    assert f"got {seed};" in refusal
 
 
 @pytest.mark.parametrize(
@@ -242,12 +242,37 @@ def test_a_seed_that_is_no_number_is_refused(command, seed, capsys: pytest.Captu
         ("scan inf a_scan", "info"),
         ("import cvs a.csv", "csv"),
         ("replay a.csv --scan a_scan --filter gird", "grid"),
+        ("replay a.csv --scan a_scan --rport=a.html", "--report"),
+        ("scan info a_scan --jsn a.json", "--json"),
     ],
 )
 def test_a_misspelled_word_has_a_suggestion(typed: str, meant: str, capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit, match="2"):
         cli.main(typed.split())
-    assert capsys.readouterr().err.endswith(f" (did you mean {meant}?)\n")
+    assert f" (did you mean {meant}?); `" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        ("", "tactile-localizer"),
+        ("replay", "tactile-localizer replay"),
+        ("replay a.csv --scan a_scan --max-gap nan", "tactile-localizer replay"),
+        ("replay a.csv --scan", "tactile-localizer replay"),
+        ("replay a.csv --scan a_scan --nothing", "tactile-localizer replay"),
+        ("scan info", "tactile-localizer scan info"),
+        ("import csv a.csv", "tactile-localizer import csv"),
+    ],
+)
+def test_a_wrong_command_line_is_one_line_with_the_help(
+    typed: str, expected: str, capsys: pytest.CaptureFixture
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(typed.split())
+    line, end = capsys.readouterr().err.split("\n")
+    assert line.startswith("error: ")
+    assert line.endswith(f"; `{expected} --help` shows what can be given")
+    assert not end
 
 
 def test_a_word_that_resembles_none_has_no_suggestion(capsys: pytest.CaptureFixture) -> None:
