@@ -15,17 +15,16 @@ from tactile_localizer.ros.simulator_node import SimulatorNode
 HEAD = """\
 # Parameters
 
-Every parameter of the nodes, with default, range and unit, as `ros2 param describe NODE NAME`
-prints it for a running node.
+Every parameter of the nodes, with default and range, as `ros2 param describe NODE NAME` prints it
+for a running node. Those marked **essential** must match the robot; the defaults of the others
+usually suffice. What concerns the material is in the [scene](concepts.md#scene). `make docs` writes
+this page.
 
-Parameters marked *live* can be changed at any time, the others only while the node is not
-configured. Those marked *at the start* name files, devices or code, or are sent to hardware: they
-cannot be set in a running node unless `allow_remote_configuration` was given at its start. Invalid
-values are rejected with the reason, unknown names ignored with a warning. On the command line an
-empty list of strings is `"['']"`, because `[]` has no type.
-
-Those marked **essential** must match the robot; the defaults of the others usually suffice. What
-concerns the material is in the [scene](concepts.md#scene). `make docs` writes this page."""
+Parameters marked *live* can be changed at any time, the others while the node is not configured.
+Those marked *at the start* name files, devices or code, or are sent to hardware: they cannot be set
+in a running node unless `allow_remote_configuration` was given at its start. Invalid values are
+rejected with the reason, unknown names ignored with a warning. On the command line an empty list of
+strings is `"['']"`."""
 
 ESSENTIAL = {
     "phalanges", "dbc", "channel", "scan_file", "scene_file", "adapter_file",
@@ -84,13 +83,13 @@ def title(node: ManagedNode) -> str:
 
 def section(heading: str, purpose: str, parameters: list[Parameter]) -> str:
     """One table."""
-    lines = [f"## {heading}", "", purpose, "", "| parameter | default | allowed | |", "|---|---|---|---|"]
+    lines = [f"## {heading}", "", purpose, "", "| parameter | default | |", "|---|---|---|"]
     for parameter in parameters:
         essential = " **Essential.**" if parameter.name in ESSENTIAL else ""
         live = " *Live.*" if parameter.live else " *At the start.*" if parameter.at_start else ""
         unit = f" [{parameter.unit}]" if parameter.unit else ""
         text = f"{sentence(f'{parameter.description}{unit}')}{essential}{live}".replace("|", "\\|")
-        lines.append(f"| `{parameter.name}` | {shown(parameter.default)} | {allowed(parameter)} | {text} |")
+        lines.append(f"| `{parameter.name}` | {shown(parameter.default)}{allowed(parameter)} | {text} |")
     return "\n".join(lines)
 
 
@@ -111,14 +110,15 @@ def shown(default: object) -> str:
 
 
 def allowed(parameter: Parameter) -> str:
-    """Choices or range."""
+    """Range, or the other choices, in parentheses."""
     if parameter.choices:
-        return ", ".join(f"`{choice}`" for choice in parameter.choices)
+        others = [f"`{choice}`" for choice in parameter.choices if choice != parameter.default]
+        return f" (or {', '.join(others)})"
     lower, upper = parameter.lower, parameter.upper
     if lower is None and upper is None:
         return ""
     assert lower is not None, f"{parameter.name}: a range without a lower end"
-    return f"from {number(lower)}" if upper is None else f"{number(lower)} to {number(upper)}"
+    return f" (from {number(lower)})" if upper is None else f" ({number(lower)} to {number(upper)})"
 
 
 def number(value: float) -> str:

@@ -28,8 +28,7 @@ PARAMETERS = (
     Parameter(
         "start_frames",
         [],
-        "Frames that start the load cells, each as candump prints it, such as ['064#0B']; "
-        "sent when the bus opens and while a load cell is silent",
+        "Frames that start the load cells, such as ['064#0B']; sent while one is silent",
         at_start=True,
     ),
     Parameter(
@@ -61,7 +60,7 @@ PARAMETERS = (
     Parameter(
         "max_age_s",
         0.2,
-        "Age from which frames that were read late are discarded, so that the newest are used",
+        "Age from which frames that were read late are discarded",
         "s",
         0.01,
         60.0,

@@ -14,8 +14,7 @@ PARAMETERS = (
     Parameter(
         "sweep_detection",
         "off",
-        "Detection of sweeps from the motion: off (services delimit the sweeps), both_ways, or one_way "
-        "(return motions are not recorded)",
+        "Detection of sweeps from the motion; off: services delimit them, one_way: without return motions",
         choices=("off", "both_ways", "one_way"),
     ),
     Parameter("reversal_m", DEFAULT_REVERSAL_M, "Backward travel that ends a sweep", "m", 1e-5, 1.0),

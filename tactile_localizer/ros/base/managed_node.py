@@ -30,7 +30,7 @@ T = TypeVar("T")
 _BETWEEN_TRANSITIONS_S = 0.2
 """Time that a request waits for the end of the previous transition before it is rejected, s."""
 _AUTOSTART = Parameter(
-    "autostart", True, "Configure and activate at start; false leaves both to a lifecycle manager"
+    "autostart", True, "Configure and activate at start; if false, a lifecycle manager does"
 )
 
 

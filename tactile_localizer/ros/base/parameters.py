@@ -70,7 +70,7 @@ class Parameter:
 REMOTE = Parameter(
     "allow_remote_configuration",
     False,
-    "Let every participant of the ROS domain set the parameters that are otherwise given at the start",
+    "Let every participant of the ROS domain set the parameters that are given at the start",
     at_start=True,
 )
 

@@ -63,7 +63,7 @@ SYNCHRONIZATION = (
     Parameter(
         "queue_depth",
         100,
-        "Strain vectors that wait while the node is busy, and ten times as many poses; DDS drops older ones",
+        "Depth of the queue of strain vectors; that of the poses is ten times as deep",
         "",
         1,
         100_000,
