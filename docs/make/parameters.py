@@ -21,10 +21,10 @@ usually suffice. What concerns the material is in the [scene](concepts.md#scene)
 this page.
 
 Parameters marked *live* can be changed at any time, the others while the node is not configured.
-Those marked *at the start* name files, devices or code, or are sent to hardware: they cannot be set
-in a running node unless `allow_remote_configuration` was given at its start. Invalid values are
-rejected with the reason, unknown names ignored with a warning. On the command line an empty list of
-strings is `"['']"`."""
+Those marked *start* name files, devices or code, or are sent to hardware: they are given at the
+start of the node, and changed later only if `allow_remote_configuration` was given too. Invalid
+values are rejected with the reason, unknown names ignored with a warning. On the command line an
+empty list of strings is `"['']"`."""
 
 ESSENTIAL = {
     "phalanges", "dbc", "channel", "scan_file", "scene_file", "adapter_file",
@@ -86,7 +86,7 @@ def section(heading: str, purpose: str, parameters: list[Parameter]) -> str:
     lines = [f"## {heading}", "", purpose, "", "| parameter | default | |", "|---|---|---|"]
     for parameter in parameters:
         essential = " **Essential.**" if parameter.name in ESSENTIAL else ""
-        live = " *Live.*" if parameter.live else " *At the start.*" if parameter.at_start else ""
+        live = " *Live.*" if parameter.live else " *Start.*" if parameter.at_start else ""
         unit = f" [{parameter.unit}]" if parameter.unit else ""
         text = f"{sentence(f'{parameter.description}{unit}')}{essential}{live}".replace("|", "\\|")
         lines.append(f"| `{parameter.name}` | {shown(parameter.default)}{allowed(parameter)} | {text} |")

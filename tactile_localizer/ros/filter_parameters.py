@@ -13,11 +13,11 @@ _DESCRIPTIONS = {
     "model": f"Measurement model: {SWEEP_MIXTURE}, or another one for the position as module:Class",
     "filter": "Particle filter, or exact recursion on a grid",
     "particles": "Number of particles, 75 in the paper; for filter particle",
-    "cell": "Resolution of map and grid, in multiples of the distance between sweeps; with one axis it is "
-    "0.5 mm, with three there are at most 25,000 cells",
+    "cell": "Resolution of map and grid, in distances between sweeps, unless the scene has one axis (0.5 mm) "
+    "or three (at most 25,000 cells)",
     "resample_below": "Effective sample size, as a fraction of the particles, below which they are resampled",
-    "random_particles": "Number of particles replaced by uniformly drawn ones at each update, 10 in the "
-    "paper; requires filter particle",
+    "random_particles": "Particles replaced by uniformly drawn ones at each update, 10 in the paper; "
+    "for filter particle",
     "update_distance": "Travel between measurement updates",
     "convergence_radius": "Radius about the estimate that convergence refers to",
     "convergence_yaw_radius": "The same in yaw, if the scene has it",
