@@ -21,7 +21,7 @@ from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.can.bus import BusSettings, parse_options
 from tactile_localizer.io.can.commands import Commands, parse_frames
-from tactile_localizer.io.can.driver import LoadCellDriver
+from tactile_localizer.io.can.driver import STOP_TIMEOUT_S, LoadCellDriver
 from tactile_localizer.io.can.layout import SignalNames
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.can.tare import load_tare, store_tare
@@ -113,7 +113,8 @@ class DriverNode(ManagedNode):
 
     def _stop_reading(self) -> None:
         if not self._driver.stop():
-            self.get_logger().error("CAN receive thread: expected its end within 1 s, it is still running")
+            found = f"expected its end within {STOP_TIMEOUT_S:g} s, it is still running"
+            self.get_logger().error(f"CAN receive thread: {found}")
 
     def _declare_messages(self) -> None:
         """Declare the parameters that name the CAN messages of each phalanx."""

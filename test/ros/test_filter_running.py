@@ -86,7 +86,10 @@ def test_pose_flag_and_particles_agree_with_the_posterior(node, probe):
     node.slide(100)
     posterior = node.fresh()[-1]
     probe.until(lambda: poses and stamp_of(poses[-1]) == stamp_of(posterior), "its pose")
-    probe.until(lambda: len(flags) == len(poses), "the flag")
+    probe.until(
+        lambda: [flag.data for flag in flags] == [one.converged for one in node.posteriors][-len(flags) :],
+        "a flag for each",
+    )
     pose = poses[-1]
     np.testing.assert_allclose([pose.pose.pose.position.x, pose.pose.pose.position.y], posterior.mean)
     covariance = np.reshape(pose.pose.covariance, (6, 6))

@@ -52,6 +52,9 @@ MAX_BATCH_FRAMES = 256
 RETRY_S = 0.1
 """Period of attempts to open a bus, s; opening fails or succeeds within a few milliseconds."""
 
+STOP_TIMEOUT_S = 5.0
+"""Longest time for the thread to stop, s: a fraction of a second, unless a busy machine puts it aside."""
+
 _POLL_PERIOD_S = 0.5
 """Period of reading the interface and its receive queue, s; diagnostics are published every second."""
 
@@ -164,7 +167,7 @@ class LoadCellDriver:
         self._thread = threading.Thread(target=self._run, args=(bus,), name="can-reader", daemon=True)
         self._thread.start()
 
-    def stop(self, timeout_s: float = 1.0) -> bool:
+    def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> bool:
         """Stop the thread and close the bus; returns whether that succeeded within ``timeout_s``."""
         if self._thread is None:
             return True

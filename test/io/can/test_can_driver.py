@@ -45,7 +45,8 @@ def test_invalid_datagrams_are_counted_and_frames_behind_them_are_read(simulated
 
 @pytest.fixture
 def unstarted() -> LoadCellDriver:
-    return LoadCellDriver(HAND, BusSettings("virtual", "none"), print, print, print, period_s=1.0)
+    bus = BusSettings("virtual", "none")
+    return LoadCellDriver(HAND, bus, print, print, print, period_s=1.0, max_age_s=60.0)
 
 
 def test_a_tare_is_of_the_raw_strain(unstarted: LoadCellDriver) -> None:
@@ -65,16 +66,17 @@ def test_a_tare_is_of_the_raw_strain(unstarted: LoadCellDriver) -> None:
 
 
 def test_frames_that_waited_too_long_are_late(unstarted: LoadCellDriver) -> None:
-    unstarted._deliver(cycle(HAND, 0, time.time_ns() - 10**9))
+    unstarted._deliver(cycle(HAND, 0, time.time_ns() - 100 * 10**9))
     unstarted._deliver(cycle(HAND, 1, time.time_ns()))
     assert unstarted.counts.frames[FrameKind.LATE] == unstarted.counts.frames[FrameKind.DATA] == 4
-    assert unstarted.late_ns >= 10**9
+    assert unstarted.late_ns >= 100 * 10**9
 
 
 @pytest.mark.parametrize("behind_s", [0.3, 2.0, 3600.0, -2.0, 1.7e9])
 def test_a_sender_with_another_clock_is_not_late(behind_s: float) -> None:
     cycles: list[Cycle] = []
-    driver = LoadCellDriver(HAND, BusSettings("virtual", "clock"), cycles.append, print, print)
+    bus = BusSettings("virtual", "clock")
+    driver = LoadCellDriver(HAND, bus, cycles.append, print, print, max_age_s=60.0)
     driver.start()
     with can.Bus(interface="virtual", channel="clock", preserve_timestamps=True) as gateway:
 
@@ -89,8 +91,7 @@ def test_a_sender_with_another_clock_is_not_late(behind_s: float) -> None:
         wait_until(sent_and_received, "strain")
     assert driver.stop()
     assert driver.counts.frames[FrameKind.LATE] == 0
-    for one in cycles:
-        number = number_of(0, one.strain[:8])
-        assert abs(one.stamp_ns - received_ns[number]) < 10**8  # this machine may be busy
+    errors_ns = [one.stamp_ns - received_ns[number_of(0, one.strain[:8])] for one in cycles]
+    assert np.median(np.abs(errors_ns)) < 10**7  # not of all: some may be sent late
     assert driver.status.clock is not None
     assert driver.status.clock.offset_s == pytest.approx(behind_s, abs=0.05)

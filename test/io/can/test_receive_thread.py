@@ -10,7 +10,7 @@ import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 from support.load_cells import protocol
-from support.waiting import Deadline, wait_until
+from support.waiting import PATIENCE_S, wait_until
 
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can import driver
@@ -136,12 +136,11 @@ def test_an_absent_and_a_lost_bus_are_waited_for(
     assert one.log == ["waiting for the CAN bus: interface is down"]  # not a line per attempt
     one.up = True
     for attempt in range(3):
-        wait_until(lambda: one.status.reconnects == attempt + 1, "the bus to be open")  # noqa: B023
-        assert one.status.state == OPEN
+        wait_until(lambda: one.notes == (attempt + 1) * ["CAN bus: open"], "the bus to be open")  # noqa: B023
+        assert (one.status.state, one.status.reconnects) == (OPEN, attempt + 1)
         assert one.interruptions == attempt + 1
         one.send(attempt)
         one.wait_for(*range(attempt + 1))
-        assert one.notes == (attempt + 1) * ["CAN bus: open"]
         assert one.status.queue_drops == 5 * attempt, "those of the lost buses"
         one.dropped = 5
         one.opened[-1].shutdown()
@@ -159,9 +158,9 @@ def test_error_frames_are_errors_or_states_of_the_controller(line: Callable[...,
     assert status.errors == {NO_ACKNOWLEDGEMENT: 2, OTHER: 1}
     assert (status.state, status.reconnects) == (OPEN, 0)
     one.send(7)
-    wait_until(lambda: status.controller == ERROR_ACTIVE, "a frame to show that the controller is back")
+    wait_until(lambda: one.interruptions == 3, "a frame to show that the controller is back")
+    assert status.controller == ERROR_ACTIVE
     assert one.log == ["CAN controller: bus off", "CAN controller: error active"]
-    assert one.interruptions == 3
     assert len(one.opened) == 1
 
 
@@ -308,15 +307,22 @@ def test_a_failing_close_is_reported(line: Callable[..., Line]) -> None:
 
 
 @pytest.mark.parametrize("state", ["reading", "waiting to open again"])
-def test_stop_takes_less_than_a_second(line: Callable[..., Line], state: str) -> None:
+def test_stop_waits_for_a_short_read_at_most(
+    line: Callable[..., Line], state: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits_s: list[float] = []
+    receive = VirtualBus.recv
+    monkeypatch.setattr(
+        VirtualBus, "recv", lambda bus, wait_s: waits_s.append(wait_s) or receive(bus, wait_s)
+    )
+    monkeypatch.setattr(driver, "RETRY_S", 1000.0)
     one = line()
     if state != "reading":
         one.up = False
         one.opened[-1].shutdown()
         wait_until(lambda: one.status.state == WAITING, "the failure")
-    soon = Deadline("the thread to stop", 1.0)
-    assert one.stop(timeout_s=30.0)
-    soon.check()
+    assert one.stop(timeout_s=PATIENCE_S)
+    assert max(waits_s) <= 0.1
     assert one.status.state == CLOSED
     assert "can-reader" not in [thread.name for thread in threading.enumerate()]
     with pytest.raises(can.CanError):
