@@ -28,7 +28,7 @@ from tactile_localizer.core.likelihood.white_noise import SweepNoise
 from tactile_localizer.core.plausibility import StampUnit, StuckGauges
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.strain_mean import StrainMean
-from tactile_localizer.core.weights import normalize
+from tactile_localizer.core.weights import bayes
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
@@ -92,18 +92,16 @@ class _Sweep(NamedTuple):
     Parameters
     ----------
     model : for the noise of the sweep
-    weights : (P,) of the states
     trend : by which the sweep differs from the scan
     explanations : probabilities of what explains the strain
-    strength_log_weights : (G, F) of the strengths of other material
+    strength_weights : (G, F) of the strengths of other material
     mean_energy : (F,) of the innovations from featureless material
     """
 
     model: SweepMixture
-    weights: np.ndarray
     trend: Trend
     explanations: Explanations
-    strength_log_weights: np.ndarray
+    strength_weights: np.ndarray
     mean_energy: np.ndarray
 
 
@@ -273,10 +271,9 @@ class Localizer:
         # The first prediction has no ancestors: all trajectories begin at the anchors.
         self._sweep = _Sweep(
             model=self.model,
-            weights=np.ones(1),
             trend=self.model.drift.start(1 + anchors),
             explanations=Explanations.start(anchors),
-            strength_log_weights=self.model.other.start(),
+            strength_weights=self.model.other.start(),
             mean_energy=self._quiet_energy,
         )
         self._stamp_unit.reset()
@@ -310,7 +307,7 @@ class Localizer:
         places = np.concatenate([prediction.states, self._anchors.states])
         nodes, map_strain = model.map_at(places)
         innovation, trend = model.innovation(
-            sweep.trend, mean_strain, places, map_strain, prediction.log_weights, update_travel, exponent
+            sweep.trend, mean_strain, places, map_strain, prediction.weights, update_travel, exponent
         )
         off_map, level_variance = model.off_map(innovation)
         mean_energy, factor = noise_factor(
@@ -318,16 +315,15 @@ class Localizer:
         )
         likelihoods = model.on_map(nodes, states, innovation, factor, used)
         at_states, at_anchors = likelihoods[:states], likelihoods[states:]
-        other, strength_log_weights = model.other.update(
-            sweep.strength_log_weights, off_map, level_variance, factor, used, update_travel, exponent
+        other, strength_weights = model.other.update(
+            sweep.strength_weights, off_map, level_variance, factor, used, update_travel, exponent
         )
         position = at_states
         if self._position_model is not None:
             position = self._position_likelihood(prediction, innovation, mean_strain, used)
 
         belief = self.filter.update(exponent * position)
-        weights = self.filter.weights()
-        tracked = normalize(prediction.log_weights + exponent * at_states)[1] / exponent
+        tracked = bayes(prediction.weights, exponent * at_states)[1] / exponent
         far = self._motion.travels(self._anchors.states - belief.mean) > RELOCATION_DISTANCE
         explanations = sweep.explanations.update(
             update_travel,
@@ -335,12 +331,12 @@ class Localizer:
             exponent * (other - tracked),
         )
 
-        self._sweep = _Sweep(model, weights, trend, explanations, strength_log_weights, mean_energy)
+        self._sweep = _Sweep(model, trend, explanations, strength_weights, mean_energy)
         self._belief = belief
         volume = float(model.noise.log_volume[used].sum())
         self._log_likelihoods = np.array([tracked, other]) + volume
         self._travel += travel
-        self._decide(prediction.states, weights, belief, travel)
+        self._decide(prediction.states, self.filter.weights(), belief, travel)
 
     def _with_noise(self, model: SweepMixture, working: np.ndarray) -> SweepMixture:
         """The model for the noise of the sweep: that of before, or a new one where it changed by a fifth.
@@ -360,12 +356,10 @@ class Localizer:
         anchors.move(displacement)
         injection = None
         if sweep.explanations.injection:
-            injection = Injection(
-                sweep.explanations.injection, anchors, np.exp(sweep.explanations.anchor_log_weights)
-            )
+            injection = Injection(sweep.explanations.injection, anchors, sweep.explanations.anchor_weights)
         prediction = self.filter.predict(displacement, travel, injection)
         explanations = sweep.explanations.predict(travel, prediction.left)
-        before = len(sweep.weights)
+        before = len(sweep.trend.map_level) - len(anchors)
         if injection is None and np.array_equal(prediction.ancestors, np.arange(before)):
             return prediction, sweep._replace(explanations=explanations)
         # The trajectories of the anchors follow those of the states; new states begin from them.
@@ -382,7 +376,7 @@ class Localizer:
     ) -> np.ndarray:
         """Log-likelihoods (P,) by the model for the position, of the strain without the sweep's level."""
         assert self._position_model is not None
-        trend = np.exp(prediction.log_weights) @ innovation.map_trend[: len(prediction.states)]
+        trend = prediction.weights @ innovation.map_trend[: len(prediction.states)]
         level_out = self.model.in_volts(mean_strain, innovation.of_strain + innovation.turned + trend)
         strain = self.model.material.mixed(level_out, mean_strain)
         return self._position_model.log_likelihood(prediction.states, strain, used)

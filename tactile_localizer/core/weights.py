@@ -1,4 +1,4 @@
-"""Log-weights: normalization, effective sample size, moments."""
+"""Weights: Bayes' rule, effective sample size, moments."""
 
 from __future__ import annotations
 
@@ -9,30 +9,32 @@ import numpy as np
 from tactile_localizer.core.geometry.angles import wrap_angle
 
 
-def normalize(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
-    """Scale weights to sum to one.
+def bayes(prior: np.ndarray, log_likelihood: np.ndarray) -> tuple[np.ndarray, float]:
+    """Bayes' rule for weights.
 
     Parameters
     ----------
-    log_weights : (P,) logarithms; ``-inf`` is a weight of zero
+    prior : (P,) with a sum of one
+    log_likelihood : (P,), of any size; ``-inf``: impossible
 
     Returns
     -------
-    normalized : (P,) logarithms of weights that sum to one; equal weights if all were zero
-    log_total : logarithm of the sum before; ``-inf`` if all weights were zero
+    posterior : (P,) with a sum of one; the prior if the measurement is impossible everywhere
+    log_marginal : logarithm of the likelihood's mean over the prior
     """
-    peak = float(log_weights.max())
+    peak = float(log_likelihood.max())
     if peak == -math.inf:
-        return np.full_like(log_weights, -math.log(len(log_weights))), -math.inf
-    # The peak is subtracted first, so that large log-weights are not rounded.
-    scaled = log_weights - peak
-    log_sum = math.log(float(np.exp(scaled).sum()))
-    return scaled - log_sum, peak + log_sum
+        return prior, peak
+    joint = prior * np.exp(log_likelihood - peak)
+    total = float(joint.sum())
+    if total == 0.0:  # whatever has weight is far less likely than what has none
+        return bayes(prior, np.where(prior > 0.0, log_likelihood, -math.inf))
+    return joint / total, peak + math.log(total)
 
 
-def effective_sample_size(log_weights: np.ndarray) -> float:
-    """Kish's effective sample size of normalized ``log_weights`` (P,), 1 / sum of squares: 1 to P."""
-    return float(1.0 / np.sum(np.exp(2.0 * log_weights)))
+def effective_sample_size(weights: np.ndarray) -> float:
+    """Kish's effective sample size of ``weights`` (P,) with a sum of one, 1 / sum of squares: 1 to P."""
+    return 1.0 / float(weights @ weights)
 
 
 def moments(states: np.ndarray, weights: np.ndarray, wraps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

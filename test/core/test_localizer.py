@@ -176,7 +176,7 @@ def test_a_hand_near_the_estimate_is_tracked_and_not_relocated():
     *_, (_, estimate) = slide(localizer)
     near = np.linalg.norm(localizer._anchors.states - estimate.mean, axis=1) < 0.8 * RELOCATION_DISTANCE
     assert near.sum() > 10
-    assert not np.exp(localizer.explanations.anchor_log_weights)[near].any()
+    assert not localizer.explanations.anchor_weights[near].any()
 
 
 def test_a_strain_is_worth_less_the_longer_the_information_length():

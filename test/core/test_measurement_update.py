@@ -39,7 +39,7 @@ class FilterByHand:
 
     def __init__(self) -> None:
         self.ancestors, self.continued, self.left = np.arange(3), np.ones(3), 0.0
-        self.log_weights = np.log([0.5, 0.3, 0.2])
+        self.prior = np.array([0.5, 0.3, 0.2])
         self.predicted: list[tuple[np.ndarray, float, Injection | None]] = []
         self.likelihoods: list[np.ndarray] = []
 
@@ -48,7 +48,7 @@ class FilterByHand:
 
     def predict(self, displacement: np.ndarray, travel: float, injection: Injection | None) -> Prediction:
         self.predicted.append((displacement, travel, injection))
-        return Prediction(STATES, self.log_weights, self.ancestors, self.continued, self.left)
+        return Prediction(STATES, self.prior, self.ancestors, self.continued, self.left)
 
     def update(self, log_likelihood: np.ndarray) -> Belief:
         self.likelihoods.append(log_likelihood)
@@ -228,7 +228,7 @@ def test_what_left_the_scene_counts_as_other_material() -> None:
     expected = of.explanations.predict(STEP, 0.6)
     of.filter.left = 0.6
     move(of)
-    tracked = np.log(np.exp(of.filter.log_weights - STEP / LENGTH * np.arange(1, 4)).sum())
+    tracked = np.log(of.filter.prior @ np.exp(-STEP / LENGTH * np.arange(1, 4)))
     odds = math.log(of.explanations.other / of.explanations.tracked)
     assert odds == pytest.approx(math.log(expected.other / expected.tracked) - tracked, abs=1e-6)
 
@@ -239,8 +239,7 @@ def test_the_filter_takes_in_the_belief_of_a_relocated_hand_only_where_that_is_t
     assert of.filter.predicted[-1][2] is None
     weights = np.zeros(len(of._anchors))
     weights[[3, 4]] = 0.25, 0.75
-    logs = np.log(weights, where=weights > 0.0, out=np.full(len(weights), -np.inf))
-    of._sweep = of._sweep._replace(explanations=Explanations(0.1, 0.6, 0.3, logs))
+    of._sweep = of._sweep._replace(explanations=Explanations(0.1, 0.6, 0.3, weights))
     move(of)
     injection = of.filter.predicted[-1][2]
     assert injection.fraction == pytest.approx(0.6 / 0.7)
@@ -311,7 +310,7 @@ def test_only_anchors_far_from_the_estimate_are_another_place() -> None:
     of.model.at_anchors = FAR
     move(of)
     near = np.abs(of._anchors.states[:, 0] - STATES[0, 0]) <= 0.01
-    weights = np.exp(of.explanations.anchor_log_weights)
+    weights = of.explanations.anchor_weights
     assert near.any()
     assert not weights[near].any()
     assert weights[~near].min() > 0.0

@@ -1,4 +1,4 @@
-"""Log-weights, effective sample size and moments."""
+"""Bayes' rule for weights, effective sample size and moments."""
 
 import math
 
@@ -9,33 +9,43 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.core.weights import effective_sample_size, moments, normalize
+from tactile_localizer.core.weights import bayes, effective_sample_size, moments
 
-LOG_WEIGHTS = arrays(
+LOG_LIKELIHOODS = arrays(
     np.float64, st.integers(1, 60), elements=st.floats(-1e15, 1e15) | st.just(-math.inf), fill=st.nothing()
 )
 
 
-@given(log_weights=LOG_WEIGHTS)
-@example(log_weights=np.full(4, -math.inf))
-def test_normalized_weights_sum_to_one(log_weights):
-    normalized, log_total = normalize(log_weights)
-    assert np.exp(normalized).sum() == pytest.approx(1.0, abs=1e-13)
-    if log_total == -math.inf:
-        assert (normalized == normalized[0]).all(), "weights of zero become equal"
+@given(log_likelihood=LOG_LIKELIHOODS, seed=st.integers(0, 100))
+@example(log_likelihood=np.full(4, -math.inf), seed=0)
+@example(log_likelihood=np.array([0.0, -2000.0]), seed=1)
+def test_bayes_rule(log_likelihood, seed):
+    prior = np.random.default_rng(seed).random(len(log_likelihood))
+    prior[0] *= 1e-300 ** (seed % 2)
+    prior /= prior.sum()
+    posterior, log_marginal = bayes(prior, log_likelihood)
+    assert posterior.sum() == pytest.approx(1.0, abs=1e-13)
+    if log_marginal == -math.inf:
+        np.testing.assert_array_equal(posterior, prior, "what is impossible everywhere changes nothing")
         return
-    assert (normalized[log_weights == -math.inf] == -math.inf).all()
-    clear = normalized > -30
-    np.testing.assert_allclose(normalized[clear] + log_total, log_weights[clear], rtol=1e-15, atol=1e-12)
+    assert not posterior[log_likelihood == -math.inf].any()
+    clear = posterior > 1e-13
+    expected = log_likelihood[clear] - np.log(posterior[clear] / prior[clear])
+    np.testing.assert_allclose(expected, log_marginal, rtol=1e-15, atol=1e-12)
 
 
-def test_the_total_is_that_of_the_weights():
-    assert normalize(np.log([1.0, 2.0, 6.0]))[1] == pytest.approx(math.log(9.0))
+def test_what_has_no_weight_gets_none_however_likely():
+    posterior, log_marginal = bayes(np.array([0.0, 0.25, 0.75]), np.array([1e6, 1.0, 1.0]))
+    np.testing.assert_allclose(posterior, [0.0, 0.25, 0.75])
+    assert log_marginal == pytest.approx(1.0)
+
+
+def test_the_marginal_is_the_mean_likelihood():
+    assert bayes(np.full(3, 1 / 3), np.log([1.0, 2.0, 6.0]))[1] == pytest.approx(math.log(3.0))
 
 
 def test_effective_sample_size_of_equal_weights():
-    with np.errstate(divide="ignore"):
-        assert effective_sample_size(np.log([0.25, 0.25, 0.25, 0.25, 0.0])) == pytest.approx(4.0)
+    assert effective_sample_size(np.array([0.25, 0.25, 0.25, 0.25, 0.0])) == pytest.approx(4.0)
 
 
 def test_moments_are_the_weighted_mean_and_covariance():

@@ -16,14 +16,14 @@ class Prediction(NamedTuple):
     Parameters
     ----------
     states : (P, d) that have weight, m (yaw: rad)
-    log_weights : (P,) logarithms of their weights, with a sum of one
+    weights : (P,) with a sum of one
     ancestors : (P,) int, index of the state of the last prediction from which each comes
     continued : (P,) fraction of each state's weight that comes from its ancestor; the rest was taken in
     left : fraction of the belief that left the scene
     """
 
     states: np.ndarray
-    log_weights: np.ndarray
+    weights: np.ndarray
     ancestors: np.ndarray
     continued: np.ndarray
     left: float

@@ -13,7 +13,7 @@ from tactile_localizer.core.geometry.anchors import Injection
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.lattice import flatten_axes
 from tactile_localizer.core.geometry.motion import MotionModel
-from tactile_localizer.core.weights import moments, normalize
+from tactile_localizer.core.weights import bayes, effective_sample_size, moments
 from tactile_localizer.scene import Scene
 
 _THREE_POINT = 0.6
@@ -62,7 +62,7 @@ class GridFilter:
         self._pending: np.ndarray
         self._alive: np.ndarray
         self._states: np.ndarray
-        self._posterior: np.ndarray
+        self._weights: np.ndarray
         self.reset()
 
     def reset(self) -> None:
@@ -111,34 +111,29 @@ class GridFilter:
             cells = kept_cells + injection.fraction * density / density.sum()
             self._belief = cells.reshape(self._shape)
         self._alive = self._living(cells)
-        weights = cells.take(self._alive)
+        alive = cells.take(self._alive)
         states = self._unmoved_states.take(self._alive, axis=1)
         states += self._offset[:, None]
-        self._states, self._posterior = states.T, weights
-        ancestors = self._ancestors(before, shifted)
-        continued = np.where(ancestors < 0, 0.0, kept_cells.take(self._alive) / weights)
         # What has next to no weight is dropped.
-        return Prediction(
-            self._states, np.log(weights) - math.log(weights.sum()), np.maximum(ancestors, 0), continued, left
-        )
+        self._states, self._weights = states.T, alive / alive.sum()
+        ancestors = self._ancestors(before, shifted)
+        continued = np.where(ancestors < 0, 0.0, kept_cells.take(self._alive) / alive)
+        return Prediction(self._states, self._weights, np.maximum(ancestors, 0), continued, left)
 
     def update(self, log_likelihood: np.ndarray) -> Belief:
         """See :meth:`.BayesFilter.update`; the spread within a cell counts."""
-        prior = self._posterior / self._posterior.sum()
-        log_posterior, log_normalizer = normalize(np.log(prior) + log_likelihood)
-        self._posterior = np.exp(log_posterior) if log_normalizer > -math.inf else prior
+        self._weights, _ = bayes(self._weights, log_likelihood)
         belief = np.zeros(self._size)
-        belief[self._alive] = self._posterior
+        belief[self._alive] = self._weights
         self._belief = belief.reshape(self._shape)
-        mean, covariance = moments(self._states, self._posterior, self._wraps)
+        mean, covariance = moments(self._states, self._weights, self._wraps)
         within = self._cell**2 / 12.0 + self._pending * self._cell**2
         covariance.ravel()[:: len(within) + 1] += within
-        effective = 1.0 / float(self._posterior @ self._posterior)
-        return Belief(mean, covariance, effective, len(self._alive))
+        return Belief(mean, covariance, effective_sample_size(self._weights), len(self._alive))
 
     def weights(self) -> np.ndarray:
         """See :meth:`.BayesFilter.weights`."""
-        return self._posterior
+        return self._weights
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.hypotheses`."""

@@ -12,7 +12,7 @@ from tactile_localizer.core.filters.resampling import systematic
 from tactile_localizer.core.geometry.anchors import Injection
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel
-from tactile_localizer.core.weights import effective_sample_size, moments, normalize
+from tactile_localizer.core.weights import bayes, effective_sample_size, moments
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.scene import Region, Scene
 
@@ -53,7 +53,7 @@ class ParticleFilter:
         unbounded = np.where(self._wraps, math.inf, 0.0)
         self._bounds = Region(tuple(self._lower - unbounded), tuple(self._upper + unbounded))
         self._states: np.ndarray
-        self._log_weights: np.ndarray
+        self._weights: np.ndarray
         self._ancestors: np.ndarray
         self.reset()
 
@@ -80,7 +80,7 @@ class ParticleFilter:
             self._replace_lightest(self._spread(self._random))
         before, self._ancestors = self._ancestors, np.arange(self._count)
         continued = np.where(before < 0, 0.0, 1.0)
-        return Prediction(self._states, self._log_weights, np.maximum(before, 0), continued, left)
+        return Prediction(self._states, self._weights, np.maximum(before, 0), continued, left)
 
     def _move(self, displacement: np.ndarray, travel: float) -> float:
         """Resample if that is due, and move; returns the fraction that left the scene."""
@@ -89,36 +89,32 @@ class ParticleFilter:
         if self._wraps.any():
             self._states[:, self._wraps] = wrap_angle(self._states[:, self._wraps])
         inside = self._bounds.contains(self._states)
-        kept = float(np.exp(self._log_weights[inside]).sum())
-        if not inside.any() or kept <= 0.0:
+        kept = float(self._weights[inside].sum())
+        if kept <= 0.0:
             self.reset()
             return 1.0
         if not inside.all():
-            self._log_weights = np.where(inside, self._log_weights, -math.inf)
-            self._log_weights, _ = normalize(self._log_weights)
+            self._weights = np.where(inside, self._weights, 0.0) / kept
         return 1.0 - min(kept, 1.0)
 
     def update(self, log_likelihood: np.ndarray) -> Belief:
         """See :meth:`.BayesFilter.update`."""
-        log_weights, log_normalizer = normalize(self._log_weights + log_likelihood)
-        if log_normalizer > -math.inf:
-            self._log_weights = log_weights
-        mean, covariance = moments(self._states, np.exp(self._log_weights), self._wraps)
-        effective = effective_sample_size(self._log_weights)
-        return Belief(mean, covariance, effective, self._count)
+        self._weights, _ = bayes(self._weights, log_likelihood)
+        mean, covariance = moments(self._states, self._weights, self._wraps)
+        return Belief(mean, covariance, effective_sample_size(self._weights), self._count)
 
     def weights(self) -> np.ndarray:
         """See :meth:`.BayesFilter.weights`."""
-        return np.exp(self._log_weights)
+        return self._weights
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.hypotheses`."""
-        return self._states.copy(), np.exp(self._log_weights)
+        return self._states.copy(), self._weights
 
     def _place(self, states: np.ndarray, ancestors: np.ndarray | int = -1) -> None:
         self._states = states
         self._ancestors = np.broadcast_to(ancestors, self._count).copy()
-        self._log_weights = np.full(self._count, -math.log(self._count))
+        self._weights = np.full(self._count, 1.0 / self._count)
 
     def _spread(self, count: int) -> np.ndarray:
         """``count`` uniform states in a Latin hypercube: as random as independent ones, but without holes."""
@@ -131,19 +127,19 @@ class ParticleFilter:
             return
         # In random order: after resampling all weigh the same, and neighbours have one ancestor.
         order = self._rng.permutation(self._count)
-        lightest = order[np.argpartition(self._log_weights[order], count - 1)[:count]]
+        lightest = order[np.argpartition(self._weights[order], count - 1)[:count]]
         self._states[lightest] = np.where(self._wraps, states, np.clip(states, self._lower, self._upper))
         self._ancestors[lightest] = -1
-        self._log_weights[lightest] = -math.log(self._count)
-        self._log_weights, _ = normalize(self._log_weights)
+        weights = self._weights.copy()
+        weights[lightest] = 1.0 / self._count
+        self._weights = weights / weights.sum()
 
     def _resample_if_needed(self) -> None:
-        effective = effective_sample_size(self._log_weights) / self._count
+        effective = effective_sample_size(self._weights) / self._count
         if self._resample_below < 1.0 and effective >= self._resample_below:
             return
-        weights = np.exp(self._log_weights)
-        spread = self._regularization(weights, effective)
-        ancestors = systematic(weights, self._count, self._rng)
+        spread = self._regularization(effective)
+        ancestors = systematic(self._weights, self._count, self._rng)
         jitter = self._rng.standard_normal((self._count, len(self._lower))) @ spread.T
         self._place(self._reflected(self._states[ancestors] + jitter), self._ancestors[ancestors])
 
@@ -156,7 +152,7 @@ class ParticleFilter:
         states[beyond] = np.clip(mirrored, lower, upper)
         return states
 
-    def _regularization(self, weights: np.ndarray, effective: float) -> np.ndarray:
+    def _regularization(self, effective: float) -> np.ndarray:
         """Square root (d, d) of the covariance of the jitter that keeps the copies of one ancestor apart.
 
         A regularised particle filter (Musso, Oudjane and Le Gland, 2001), with the bandwidth that is optimal
@@ -166,6 +162,6 @@ class ParticleFilter:
         d = len(self._lower)
         bandwidth = (4.0 / ((d + 2.0) * self._count)) ** (1.0 / (d + 4.0))
         copied = math.sqrt(max(2.0 * (1.0 - effective), 0.0))
-        _, covariance = moments(self._states, weights, self._wraps)
+        _, covariance = moments(self._states, self._weights, self._wraps)
         values, vectors = np.linalg.eigh(covariance)
         return vectors * (copied * bandwidth * np.sqrt(np.maximum(values, 0.0)))

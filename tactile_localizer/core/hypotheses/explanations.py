@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH
-from tactile_localizer.core.weights import normalize
+from tactile_localizer.core.weights import bayes
 
 RELOCATION_RATE = 1.0
 """Rate at which a hand is placed anywhere on the map, from on it or from elsewhere, per metre of travel. By
@@ -26,18 +26,18 @@ class Explanations(NamedTuple):
     tracked : the hand is on the map, where the filter follows it
     relocated : it was placed elsewhere on the map
     other : it is on other material, featureless or not
-    anchor_log_weights : (R,) normalized, of the anchors, given that the hand was relocated
+    anchor_weights : (R,) of the anchors, with a sum of one, given that the hand was relocated
     """
 
     tracked: float
     relocated: float
     other: float
-    anchor_log_weights: np.ndarray
+    anchor_weights: np.ndarray
 
     @classmethod
     def start(cls, anchors: int) -> Explanations:
         """Before the first strain: on the map as probable as not."""
-        return cls(0.5, 0.0, 0.5, np.full(anchors, -math.log(anchors)))
+        return cls(0.5, 0.0, 0.5, np.full(anchors, 1.0 / anchors))
 
     @property
     def on_map(self) -> float:
@@ -57,25 +57,21 @@ class Explanations(NamedTuple):
 
         Where :attr:`injection` is not zero, the filter has taken in the belief of a relocated hand.
         """
-        tracked, relocated, other, log_weights = self
+        tracked, relocated, other, weights = self
         if self.injection:
             tracked, relocated = tracked + relocated, 0.0
         # Other material is as probable as the map before the first strain, so either is left at one rate.
         stayed = math.exp(-travel / PATCH_LENGTH)
         returned = (1.0 - stayed) * other
         on_map = (1.0 - left) * stayed * tracked, stayed * relocated
-        other += tracked - on_map[0] + relocated - on_map[1] - returned
+        other = stayed * other + (tracked - on_map[0]) + (relocated - on_map[1])
         tracked, relocated = on_map[0] + returned, on_map[1]
         moved = -math.expm1(-RELOCATION_RATE * travel)
         arriving = moved * (tracked + other)
-        uniform = math.log(max(arriving, 1e-300) / len(log_weights))
-        log_weights = np.logaddexp(math.log(max(relocated, 1e-300)) + log_weights, uniform)
-        return Explanations(
-            tracked * (1.0 - moved),
-            relocated + arriving,
-            other * (1.0 - moved),
-            normalize(log_weights)[0],
-        )
+        anywhere = relocated + arriving
+        if anywhere > 0.0:
+            weights = (relocated / anywhere) * weights + arriving / anywhere / len(weights)
+        return Explanations(tracked * (1.0 - moved), anywhere, other * (1.0 - moved), weights)
 
     def update(self, travel: float, at_anchors: np.ndarray, other: float) -> Explanations:
         """Take in log-likelihoods of a strain, relative to that of the filter's belief and tempered.
@@ -86,14 +82,9 @@ class Explanations(NamedTuple):
         at_anchors : (R,); ``-inf``: so near the estimate that the hand is tracked
         other : of other material
         """
-        log_weights, relocated = normalize(self.anchor_log_weights + at_anchors)
+        weights, relocated = bayes(self.anchor_weights, at_anchors)
         # What a finger brushes over a few millimetres is no reason to give up what explains it so far.
         against = -math.log(RELOCATION_RATE * RELOCATION_DISTANCE)
         relocated = min(relocated, max(other, 0.0) + against * travel / RELOCATION_DISTANCE)
-        logs = np.array([_log(self.tracked), _log(self.relocated) + relocated, _log(self.other) + other])
-        tracked, relocated, other = np.exp(normalize(logs)[0]).tolist()
-        return Explanations(tracked, relocated, other, log_weights)
-
-
-def _log(probability: float) -> float:
-    return math.log(probability) if probability > 0.0 else -math.inf
+        prior = np.array([self.tracked, self.relocated, self.other])
+        return Explanations(*bayes(prior, np.array([0.0, relocated, other]))[0].tolist(), weights)

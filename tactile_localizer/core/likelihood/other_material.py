@@ -52,9 +52,9 @@ class OtherMaterial:
         return OtherMaterial(self._layout, covariance, self._variance)
 
     def start(self) -> np.ndarray:
-        """Log-weights (G, F) of the strengths before the first strain."""
+        """Weights (G, F) of the strengths before the first strain."""
         count = len(self._spread)
-        return np.full((count, self._layout.phalanges), -np.log(count))
+        return np.full((count, self._layout.phalanges), 1.0 / count)
 
     def energy(self, innovation: np.ndarray, level_variance: np.ndarray) -> np.ndarray:
         """Energy (..., F) of innovations (..., C) per channel, in variances of featureless material.
@@ -67,7 +67,7 @@ class OtherMaterial:
 
     def update(
         self,
-        log_weights: np.ndarray,
+        weights: np.ndarray,
         innovation: np.ndarray,
         level_variance: np.ndarray,
         factor: np.ndarray,
@@ -75,11 +75,11 @@ class OtherMaterial:
         travel: float,
         exponent: float,
     ) -> tuple[float, np.ndarray]:
-        """Log-likelihood of an innovation, and the log-weights after it.
+        """Log-likelihood of an innovation, and the weights of the strengths after it.
 
         Parameters
         ----------
-        log_weights : (G, F) of the strengths
+        weights : (G, F) of the strengths, each phalanx's with a sum of one
         innovation : (C,) of a strain from featureless material
         level_variance : (F,) of the level from which it deviates
         factor : (F,) of the variances in this sweep, as on the map
@@ -93,11 +93,13 @@ class OtherMaterial:
         squared = np.square(innovation @ self._rotation) / variance
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
         densities -= 0.5 * layout.sum(np.log(variance))
-        following = log_weights + exponent * densities
-        weights = np.exp(following - np.logaddexp.reduce(following))
-        weights += -math.expm1(-travel / PATCH_LENGTH) * (1.0 / len(weights) - weights)
-        total = float(np.logaddexp.reduce(log_weights + densities)[used].sum())
-        return total, np.where(used, np.log(weights), log_weights)
+        peak = densities.max(axis=0)
+        densities -= peak
+        total = np.log((weights * np.exp(densities)).sum(axis=0)) + peak
+        following = weights * np.exp(exponent * densities)
+        following /= following.sum(axis=0)
+        following += -math.expm1(-travel / PATCH_LENGTH) * (1.0 / len(weights) - following)
+        return float(total[used].sum()), np.where(used, following, weights)
 
 
 def noise_factor(

@@ -116,13 +116,13 @@ class SweepMixture:
         strain: np.ndarray,
         places: np.ndarray,
         map_strain: np.ndarray,
-        log_weights: np.ndarray,
+        weights: np.ndarray,
         travel: float,
         exponent: float,
     ) -> tuple[Innovation, Trend]:
         """Innovation of a strain (C,), V, at places (N, d) where the map has ``map_strain`` (N, W), whitened.
 
-        See :meth:`.Drift.update`. ``log_weights`` (P,) are those of the first places, the states.
+        See :meth:`.Drift.update`. ``weights`` (P,) are those of the first places, the states.
 
         What a sweep differs by is the same at every yaw, while the strain of featureless material turns with
         the hand. So the trend is that of the strain less the one at the mean yaw, whose variance counts as
@@ -132,7 +132,7 @@ class SweepMixture:
         whitened, turning = self.whitened(strain), self.map.turning
         if not turning.any():
             return self.drift.update(trend, whitened, map_strain, travel, exponent)
-        weights, states = np.exp(log_weights), places[: len(log_weights)]
+        states = places[: len(weights)]
         mean = weights @ states
         noise = (weights @ (states - mean) ** 2) @ turning**2
         known = exponent / (1.0 + noise / self.drift.variance)

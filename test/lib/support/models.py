@@ -108,7 +108,7 @@ def step(
     prediction = bayes_filter.predict(moved, travel, injection)
     log_likelihood = model.log_likelihood(prediction.states, strain)
     belief = bayes_filter.update(log_likelihood)
-    return belief, float(logsumexp(prediction.log_weights + log_likelihood))
+    return belief, float(logsumexp(log_likelihood, b=prediction.weights))
 
 
 def flat_update(bayes_filter: BayesFilter, log_likelihood: float = 0.0) -> Belief:
