@@ -364,12 +364,11 @@ class Localizer:
             return prediction, sweep._replace(explanations=explanations)
         # The trajectories of the anchors follow those of the states; new states begin from them.
         ancestors = np.concatenate([prediction.ancestors, before + np.arange(len(anchors))])
-        new = (prediction.continued < 1.0).nonzero()[0]
-        begun = before + anchors.index(prediction.states[new])
-        return prediction, sweep._replace(
-            trend=sweep.trend.followed(ancestors, new, begun, 1.0 - prediction.continued[new]),
-            explanations=explanations,
-        )
+        trend, new = sweep.trend.followed(ancestors), (prediction.continued < 1.0).nonzero()[0]
+        if len(new):
+            begun = before + anchors.index(prediction.states[new])
+            trend = trend.mixed(new, sweep.trend.followed(begun), 1.0 - prediction.continued[new])
+        return prediction, sweep._replace(trend=trend, explanations=explanations)
 
     def _position_likelihood(
         self, prediction: Prediction, innovation: Innovation, mean_strain: np.ndarray, used: np.ndarray

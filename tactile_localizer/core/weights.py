@@ -51,11 +51,11 @@ def moments(states: np.ndarray, weights: np.ndarray, wraps: np.ndarray) -> tuple
     mean : (d,)
     covariance : (d, d)
     """
-    mean = weights @ states
-    if wraps.any():
+    mean, turns = weights @ states, bool(wraps.any())
+    if turns:
         angles = states[:, wraps]
         mean[wraps] = np.arctan2(weights @ np.sin(angles), weights @ np.cos(angles))
     deviation = states.T - mean[:, None]
-    if wraps.any():
+    if turns:
         deviation[wraps] = wrap_angle(deviation[wraps])
     return mean, (deviation * weights) @ deviation.T

@@ -27,7 +27,10 @@ class Anchors:
     Attributes
     ----------
     pitch : (d,) size of the boxes, m (yaw: rad)
+    states : (R, d) their centres
     """
+
+    states: np.ndarray
 
     def __init__(self, scene: Scene) -> None:
         self._lower, self._extent = scene.lower, scene.extent
@@ -45,17 +48,14 @@ class Anchors:
     def reset(self) -> None:
         """Return to where they began."""
         self._shift = np.zeros(len(self._extent))
+        self.move(self._shift)
 
     def move(self, displacement: np.ndarray) -> None:
         """Move by ``displacement`` (d,), m (yaw: rad)."""
         self._shift = np.mod(self._shift + displacement, self._extent)
-
-    @property
-    def states(self) -> np.ndarray:
-        """Centres (R, d) of the boxes."""
         moved = self._origin + self._shift
         # np.mod takes ten times as long.
-        return self._lower + np.where(moved < self._extent, moved, moved - self._extent)
+        self.states = self._lower + np.where(moved < self._extent, moved, moved - self._extent)
 
     def index(self, states: np.ndarray) -> np.ndarray:
         """Index (P,) of the box in which each of ``states`` (P, d) is."""

@@ -34,22 +34,16 @@ class Trend(NamedTuple):
     map_level: np.ndarray
     map_rate: np.ndarray
 
-    def followed(
-        self, ancestors: np.ndarray, mixed: np.ndarray, begun: np.ndarray, fraction: np.ndarray
-    ) -> Trend:
-        """The trend along M other trajectories.
+    def followed(self, trajectories: np.ndarray) -> Trend:
+        """The trend along some of the trajectories, (M,) int."""
+        level, rate = (each.take(trajectories, axis=0) for each in (self.map_level, self.map_rate))
+        return self._replace(map_level=level, map_rate=rate)
 
-        Parameters
-        ----------
-        ancestors : (M,) int, trajectories that they continue
-        mixed : (m,) int, those of which a part continues another trajectory
-        begun, fraction : (m,) int and float, which one, and that part of the weight
-        """
-        level, rate = self.map_level.take(ancestors, axis=0), self.map_rate.take(ancestors, axis=0)
-        if len(mixed):
-            fraction = fraction.astype(np.float32)[:, None]
-            level[mixed] += fraction * (self.map_level[begun] - level[mixed])
-            rate[mixed] += fraction * (self.map_rate[begun] - rate[mixed])
+    def mixed(self, rows: np.ndarray, other: Trend, fraction: np.ndarray) -> Trend:
+        """The trend where of ``rows`` (m,) int a ``fraction`` (m,) of the weight has the ``other`` trend."""
+        share, level, rate = fraction.astype(np.float32)[:, None], self.map_level.copy(), self.map_rate.copy()
+        level[rows] += share * (other.map_level - level[rows])
+        rate[rows] += share * (other.map_rate - rate[rows])
         return self._replace(map_level=level, map_rate=rate)
 
 

@@ -30,6 +30,7 @@ class _Components(NamedTuple):
     ----------
     counts, starts : (M,) int, number of a node's components, and the first of them
     mean : (n, C) float32, whitened strain
+    energy : (F, n) float32, its squared length
     variance : (F, n) float32, variance of a new visit about it
     log_prior : (n,) float32
     """
@@ -37,6 +38,7 @@ class _Components(NamedTuple):
     counts: np.ndarray
     starts: np.ndarray
     mean: np.ndarray
+    energy: np.ndarray
     variance: np.ndarray
     log_prior: np.ndarray
 
@@ -94,8 +96,9 @@ class SweepMixture:
         kept[:, 0] = True
         counts = kept.sum(axis=1)
         starts = counts.cumsum() - counts
-        by_phalanx = np.ascontiguousarray(variance[kept].T)
-        return _Components(counts, starts, mean[kept], by_phalanx, log_prior[kept])
+        by_phalanx, kept_mean = np.ascontiguousarray(variance[kept].T), mean[kept]
+        energy = self._sums @ np.square(kept_mean).T
+        return _Components(counts, starts, kept_mean, energy, by_phalanx, log_prior[kept])
 
     def with_noise(self, excess: np.ndarray) -> SweepMixture:
         """The model of a sweep whose strains have more noise than the scan's, by ``excess`` (C,), V^2.
@@ -186,22 +189,23 @@ class SweepMixture:
         starts = ends - counts
         place = np.arange(len(nodes)).repeat(counts)
         rows = np.arange(len(place)) + (components.starts.take(nodes) - starts).take(place)
-        map_strain = components.mean.take(rows, axis=0)
+        map_strain, energy = components.mean.take(rows, axis=0), components.energy.take(rows, axis=1)
         detrended = innovation.of_strain.astype(np.float32) + innovation.map_trend
         if self._transform is not None:
             map_strain, detrended = map_strain @ self._transform.T, detrended @ self._transform.T
+            energy = self._sums @ np.square(map_strain).T
         residual = detrended.take(place, axis=0)
         residual -= map_strain
         variance = components.variance.take(rows, axis=1)
         variance *= factor.astype(np.float32)[:, None]
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
-        projected = gain * np.square(self._sums @ (residual * map_strain).T)
-        gain_variance = gain * (self._sums @ np.square(map_strain, out=map_strain).T)
+        map_strain *= residual
+        projected = gain * np.square(self._sums @ map_strain.T)
         squared = self._sums @ np.square(residual, out=residual).T
         log_prior = components.log_prior.take(rows)
         log_prior[ends[states - 1] :] = 0.0
 
-        plain = log_density(squared, variance, self._channels, projected, gain_variance) + log_prior
+        plain = log_density(squared, variance, self._channels, projected, gain * energy) + log_prior
         # Relative to the first component, which is faster than to the largest of each place.
         first = plain.take(starts, axis=1).astype(np.float64)
         ratios = np.exp(np.minimum(plain - first.take(place, axis=1), _LARGEST_LOG_RATIO))

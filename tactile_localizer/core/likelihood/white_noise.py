@@ -100,10 +100,13 @@ class SweepNoise:
         """Begin a sweep: its noise is that of the scan."""
         self._variance = self._of_scan.variance[0] + 1e-300
         self._spacing = self._of_scan.spacing[0]
-        self._last: np.ndarray | None = None
-        self._step: np.ndarray | None = None
         self._present, self._strains = b"", 0
-        self._kept = self._kept_step = np.zeros(0)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Nothing is known of the strains before the next one."""
+        self._kept: np.ndarray | None = None
+        self._step: np.ndarray | None = None
         self._off = self._replaced = np.zeros(len(self._variance), dtype=bool)
 
     def observe(self, strain: np.ndarray, present: np.ndarray, travel: float) -> np.ndarray:
@@ -113,33 +116,27 @@ class SweepNoise:
         is a single value that is off by :data:`_SPIKE` standard deviations; the next one is taken as it is.
         """
         if self._present != present.tobytes():  # compared faster than arrays
-            self._present, self._last, self._step = present.tobytes(), None, None
-            self._off = self._replaced = np.zeros(len(strain), dtype=bool)
-        kept = self._without_spikes(strain)
+            self._present = present.tobytes()
+            self._begin()
         self._strains += 1
-        step = None if self._last is None else strain - self._last
-        if step is not None and self._step is not None:
-            squares = np.square(step - self._step) / (6.0 * self._variance)
+        if self._kept is None:
+            self._kept = strain
+            return strain
+        # Before the third strain nothing is predicted: either of the two may be the spike.
+        is_predicted = self._step is not None
+        predicted = self._kept if self._step is None else self._kept + self._step
+        squares = np.square(strain - predicted) / (6.0 * self._variance)
+        off = squares > _SPIKE**2
+        if (off | self._off).any():
+            self.spikes = self.spikes + (self._replaced & ~off)  # the strain has returned: it was one
+            self._replaced = off & ~self._off & is_predicted
+            strain = np.where(self._replaced, predicted, strain)
+            self._off = self._replaced if is_predicted else off
+        if is_predicted:
             change = (np.minimum(squares, _BOUND) - _MEAN) * self._gain
             self._variance = self._variance * (1.0 + change * present)
             self._spacing += (travel - self._spacing) * self._gain
-        self._last, self._step = strain, step
-        return kept
-
-    def _without_spikes(self, strain: np.ndarray) -> np.ndarray:
-        """The strain (C,) with what the two before it predict in place of spikes; a jump begins anew."""
-        if self._last is None:
-            self._kept, self._kept_step = strain, np.zeros_like(strain)
-            return strain
-        predicted = self._kept + self._kept_step
-        off = np.square(strain - predicted) > _SPIKE**2 * 6.0 * self._variance
-        if (off | self._off).any():
-            self.spikes = self.spikes + (self._replaced & ~off)  # the strain has returned: it was one
-            # Before the third strain nothing is predicted: either of the two may be the spike.
-            self._replaced = off & ~self._off & (self._step is not None)
-            strain = np.where(self._replaced, predicted, strain)
-            self._off = self._replaced if self._step is not None else off
-        self._kept, self._kept_step = strain, np.where(off, 0.0, strain - self._kept)
+        self._kept, self._step = strain, np.where(off, 0.0, strain - self._kept)  # a jump begins anew
         return strain
 
     def excess(self, pitch: float) -> np.ndarray:

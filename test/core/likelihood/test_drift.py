@@ -12,7 +12,6 @@ from tactile_localizer.core.likelihood.drift import Drift, innovations
 
 STEP, UNKNOWN = 0.0005, np.full(2, np.inf)
 NOWHERE = np.zeros((0, 2), dtype=np.float32)
-NONE = np.zeros(0, dtype=int)
 MEMORIES = (0.01, np.inf)
 
 
@@ -38,7 +37,7 @@ def test_the_innovation_of_strain_less_map_is_that_of_their_difference(
     trend, felt = drift.start(trajectories), np.zeros((0, trajectories, 2))
     for strain in strains:
         ancestors = rng.integers(0, trajectories, trajectories)
-        trend, felt = trend.followed(ancestors, NONE, NONE, np.zeros(0)), felt[:, ancestors]
+        trend, felt = trend.followed(ancestors), felt[:, ancestors]
         expected = 10.0 * rng.standard_normal((trajectories, 2)).astype(np.float32)
         innovation, trend = drift.update(trend, strain, expected, STEP, 1.0)
         felt = np.concatenate([felt, expected[None]])
@@ -51,7 +50,7 @@ def test_the_innovation_of_strain_less_map_is_that_of_their_difference(
 def test_a_trajectory_continues_its_ancestor_and_what_was_injected_by_their_fractions() -> None:
     drift = Drift(np.inf, 1.0, np.ones(2))
     _, trend = drift.update(drift.start(2), np.zeros(2), np.array([[0, 0], [8, 8]], np.float32), STEP, 1.0)
-    mixed = trend.followed(np.array([0, 1]), np.array([0]), np.array([1]), np.array([0.75]))
+    mixed = trend.mixed(np.array([0]), trend.followed(np.array([1])), np.array([0.75]))
     np.testing.assert_allclose(mixed.map_level[:, 0], [0.75 * 4.0, 4.0])
 
 
