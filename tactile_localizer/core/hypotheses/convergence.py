@@ -61,8 +61,8 @@ def probability_within(
     near = (distance <= (1.0 + 3.0 * np.sqrt(spread.max())) ** 2).nonzero()[0]
     powers = spread ** np.array([[1], [2], [3]])
     # Cumulants of the quadratic form.
-    first, second, third = (
-        powers.sum(axis=1)[:, None] + (powers / spread * [[1], [2], [3]]) @ squared.take(near, axis=1)
+    first, second, third = powers.sum(axis=1)[:, None] + (powers / spread * [[1], [2], [3]]) @ squared.take(
+        near, axis=1
     )
     power = 1.0 - 2.0 * first * third / (3.0 * second**2)
     scale = second / first**2
