@@ -87,4 +87,5 @@ class Explanations(NamedTuple):
         against = -math.log(RELOCATION_RATE * RELOCATION_DISTANCE)
         relocated = min(relocated, max(other, 0.0) + against * travel / RELOCATION_DISTANCE)
         prior = np.array([self.tracked, self.relocated, self.other])
-        return Explanations(*bayes(prior, np.array([0.0, relocated, other]))[0].tolist(), weights)
+        tracked, relocated, other = bayes(prior, np.array([0.0, relocated, other]))[0].tolist()
+        return Explanations(tracked, relocated, other, weights)
