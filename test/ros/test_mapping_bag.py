@@ -44,13 +44,20 @@ def _unexamined(monkeypatch):
 
 
 def slide_badly(hand):
-    """Slide with gaps in the poses and with missing, saturated and out-of-bounds samples."""
-    hand.slide(600)
+    """Slide with late, missing, repeated and wrong poses, and with samples that cannot be used."""
+    hand.slide(500)
+    hand.slide(100, late_ms=60)
     hand.slide(200, poses=False)
     hand.send_strain(hand.now_ms + 1, status=(1, 0, 0))
     hand.send_strain(hand.now_ms + 2, status=(0, 2, 0))
     hand.send_strain(hand.now_ms + 3, status=(0, 0, 1))
-    hand.slide(500)
+    hand.slide(200)
+    for late_ms in (0, 40, 20):  # again, and out of order
+        hand.send_pose(hand.now_ms - late_ms)
+        hand.send_strain(hand.now_ms - late_ms)
+    hand.send_pose(hand.now_ms + 1, x=np.nan)
+    hand.send_strain(hand.now_ms + 1, strain=np.full(8 * len(hand.phalanges), np.nan))
+    hand.slide(300)
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])

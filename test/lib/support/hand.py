@@ -41,12 +41,12 @@ class Hand:
         self._publishers[topic].publish(raw)
         self.published.append((topic, len(self.published), raw))
 
-    def send_pose(self, stamp_ms):
-        self._publish("palm_pose", bags.pose(stamp_ms, self.frame, self.x(stamp_ms)))
+    def send_pose(self, stamp_ms, x=None):
+        self._publish("palm_pose", bags.pose(stamp_ms, self.frame, self.x(stamp_ms) if x is None else x))
 
-    def send_strain(self, stamp_ms, status=(0, 0, 0)):
+    def send_strain(self, stamp_ms, status=(0, 0, 0), **changes):
         flags = np.array(status[: len(self.phalanges)], dtype=np.uint8)
-        self._publish("strain", bags.strain(stamp_ms, self.phalanges, status=flags))
+        self._publish("strain", bags.strain(stamp_ms, self.phalanges, status=flags, **changes))
 
     def published_with_status(self):
         """The messages that it published, and the statuses that it received."""
@@ -58,11 +58,14 @@ class Hand:
             ("tactile_mapping/status", first + index, raw) for index, raw in enumerate(received)
         ]
 
-    def slide(self, duration_ms, poses=True):
-        """Publish poses and strain of the next ``duration_ms``, paced so that no message is lost."""
+    def slide(self, duration_ms, poses=True, late_ms=0):
+        """Publish poses and strain of the next ``duration_ms``, paced so that no message is lost.
+
+        Poses are sent ``late_ms`` after the strain of their time.
+        """
         for stamp_ms in range(self.now_ms + 1, self.now_ms + duration_ms + 1):
             if poses and stamp_ms % 20 == 0:
-                self.send_pose(stamp_ms)
+                self.send_pose(stamp_ms - late_ms)
             if stamp_ms % 5 == 0:
                 self.send_strain(stamp_ms)
                 self.probe.executor.spin_once(timeout_sec=0.002)
