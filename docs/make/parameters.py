@@ -17,8 +17,7 @@ HEAD = """\
 
 Every parameter of the nodes, with default and range, as `ros2 param describe NODE NAME` prints it
 for a running node. Those marked **essential** must match the robot; the defaults of the others
-usually suffice. What concerns the material is in the [scene](concepts.md#scene). `make docs` writes
-this page.
+usually suffice. What concerns the material is in the [scene](concepts.md#scene).
 
 Parameters marked *live* can be changed at any time, the others while the node is not configured.
 Those marked *start* name files, devices or code, or are sent to hardware: they are given at the

@@ -19,9 +19,7 @@ PARAMETERS = (
     Parameter("status_ok", [0], "Values of the status without a fault"),
     Parameter("interface", "socketcan", "python-can interface of the CAN bus", at_start=True),
     Parameter("channel", "can0", "Channel of the interface", at_start=True),
-    Parameter(
-        "bus_options", [], "Options of the interface, each as name=value, such as ['fd=true']", at_start=True
-    ),
+    Parameter("bus_options", [], "Options of the interface, such as ['fd=true']", at_start=True),
     Parameter(
         "receive_buffer", 1 << 20, "Receive buffer of the kernel; 0 for its default", "byte", 0, 1 << 28
     ),

@@ -53,7 +53,7 @@ PARAMETERS = (
     Parameter(
         "scene_file",
         "",
-        "Scene (YAML) in place of the one of the scan: path or shipped file name",
+        "Scene (YAML) in place of the scan's: path or shipped file name",
         at_start=True,
     ),
     Parameter(
@@ -80,7 +80,7 @@ PARAMETERS = (
     Parameter(
         "publish_tf",
         False,
-        "Publish the transform from reference_frame to material_frame while the estimate has converged",
+        "Publish material_frame in reference_frame while the estimate has converged",
     ),
 )
 

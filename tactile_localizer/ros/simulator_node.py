@@ -60,7 +60,7 @@ PARAMETERS = (
     Parameter(
         "bus_options",
         [],
-        "Options of the interface, each as name=value, such as ['port=43114']",
+        "Options of the interface, such as ['port=43114']",
         at_start=True,
     ),
     Parameter("dbc", "loadcells.dbc", "CAN database (DBC): path or shipped file name", at_start=True),
