@@ -52,7 +52,7 @@ def test_a_release_changes_the_version_in_one_place(tmp_path: Path) -> None:
         who = {f"GIT_{role}_{what}": "a@b" for role in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
         environment = {**os.environ, **who, "PYTHONPATH": "", "GIT_CONFIG_GLOBAL": os.devnull}
         return subprocess.run(
-            command, cwd=tmp_path, env=environment, check=True, capture_output=True, text=True, timeout=60
+            command, cwd=tmp_path, env=environment, check=True, capture_output=True, text=True, timeout=900
         ).stdout
 
     run("git", "init", "--quiet")

@@ -29,13 +29,14 @@ def files(tmp_path: Path) -> dict[str, Path]:
 
 
 @pytest.fixture
-def valid(bus: dict[str, Any], scan_file: Path, tmp_path: Path) -> dict[str, dict[str, Any]]:
-    """Parameters with which each node can be configured, by its name."""
+def valid(bus: dict[str, Any], tmp_path: Path) -> dict[str, dict[str, Any]]:
+    """Parameters with which each node can be configured soon, by its name."""
+    write_scan(tmp_path / "short_scan", short=True)
     save_scene(shipped_scene("bump"), tmp_path / "scene.yaml")
     return {
         "adapter": {"adapter_file": "wrench.yaml"},
         "driver": {**bus, "tare_file": tmp_path / "tare.yaml"},
-        "filter": {"scan_file": scan_file, "cell": 2.0},
+        "filter": {"scan_file": tmp_path / "short_scan", "cell": 2.0},
         "mapping": {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"},
         "simulator": bus,
     }

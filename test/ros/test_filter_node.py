@@ -48,7 +48,7 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
     directory = tmp_path / "scans"
     directory.mkdir()
     other = shipped_scene("snap")
-    write_scan(directory / "snap_scan", "snap", other)
+    write_scan(directory / "snap_scan", "snap", other, short=True)
     (directory / "link_scan").symlink_to(scan_file)
     (directory / "loop_scan").symlink_to("loop_scan")
     (directory / "folder_scan").mkdir()

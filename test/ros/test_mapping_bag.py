@@ -60,8 +60,7 @@ def slide_badly(hand):
     hand.slide(300)
 
 
-@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
-def test_an_imported_bag_equals_the_live_scan(node_process, probe, files, tmp_path, storage):
+def test_an_imported_bag_equals_the_live_scan(node_process, probe, files, tmp_path):
     process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
     hand = Hand(probe)
     hand.x = there_and_back
@@ -75,13 +74,14 @@ def test_an_imported_bag_equals_the_live_scan(node_process, probe, files, tmp_pa
         hand.slide(100)
         hand.wait_for_stamp(hand.now_ms)
     assert process.stop() == 0
-    bag = write_bag(tmp_path / "bag", hand.published_with_status(), storage)
-    arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", tmp_path / "imported_scan"]
-    assert main([str(argument) for argument in arguments]) == 0
     live = contents(files["scan_file"])
     assert [sweep[0] for sweep in live[1]] == [1, 2]
     assert all(gaps and skipped for *_, gaps, skipped in live[1])
-    assert_same_scan(live, contents(tmp_path / "imported_scan"))
+    for storage in ("sqlite3", "mcap"):
+        bag, scan = (tmp_path / f"{storage}_{what}" for what in ("bag", "scan"))
+        write_bag(bag, hand.published_with_status(), storage)
+        assert main(["import", "bag", str(bag), "--scene", str(files["scene_file"]), "-o", str(scan)]) == 0
+        assert_same_scan(live, contents(scan))
 
 
 def test_detected_sweeps_of_a_bag_equal_the_live_ones(node_process, probe, files, tmp_path):

@@ -19,8 +19,12 @@ OK = np.zeros(2, dtype=np.uint8)
 
 
 @pytest.fixture(scope="module")
-def localizer():
-    scan = simulate_scan("bump", seed=1)
+def scan():
+    return simulate_scan("bump", seed=1)
+
+
+@pytest.fixture(scope="module")
+def localizer(scan):
     configuration = Configuration(cell=1.0)
     calibration = Calibration(np.array([0.0004, 0.0004]))
     scene, rng = shipped_scene("bump"), np.random.default_rng(0)
@@ -28,8 +32,8 @@ def localizer():
 
 
 @pytest.fixture(scope="module")
-def known():
-    return ScanRange.of(simulate_scan("bump", seed=1), shipped_scene("bump"))
+def known(scan):
+    return ScanRange.of(scan, shipped_scene("bump"))
 
 
 class Stream(OnlineLocalizer):

@@ -173,14 +173,12 @@ def test_cycles_that_a_driver_lost_do_not_hold_the_hand_up_for_ever(start, frame
     probe.known_to("tactile_simulator")
     strain.publish(StrainVectors())
     probe.until(lambda: not sent_in(frames, 0.5), "a hand that waits")
-    begin_s = time.monotonic()
 
     def published_and_sent():
         strain.publish(StrainVectors())
         return sent_in(frames, 1.0)
 
     probe.until(lambda: published_and_sent() > 40, "more than a cycle for each that is published")
-    assert time.monotonic() > begin_s + 3.0, "it has waited"
 
 
 def sent_in(frames, duration_s):
@@ -191,7 +189,7 @@ def sent_in(frames, duration_s):
 
 
 def test_a_sweep_is_prepared_excludes_another_and_can_be_made_faster(start, hand, probe):
-    start(speed=0.1)  # a sweep of more than a minute
+    start(speed=0.3)  # a sweep of 25 s
     assert hand.call("sweep").success
     probe.until(lambda: hand.active and hand.active[-1].data, "the sweep's start")
     for service in ("prepare", "sweep"):

@@ -205,7 +205,7 @@ def in_chromium(folder: Path, report: Path, *options: str) -> subprocess.Complet
     command += ["--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={folder / 'profile'}"]
     command += ["--enable-logging=stderr", *options, report.as_uri()]
     home = {**os.environ, "HOME": str(folder)}
-    return subprocess.run(command, env=home, capture_output=True, text=True, check=True, timeout=120)
+    return subprocess.run(command, env=home, capture_output=True, text=True, check=True, timeout=900)
 
 
 @REPORTS

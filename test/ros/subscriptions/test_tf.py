@@ -143,15 +143,13 @@ class HandOnTf(SlidingHand):
         self._tf.publish(self._message(transforms=[transform]))
 
 
-@pytest.mark.parametrize("source", ["topic", "tf"])
 def test_poses_that_are_too_far_apart_are_not_interpolated(
-    node_process: Any, probe: Any, scan_file: Any, source: str
+    node_process: Any, probe: Any, scan_file: Any
 ) -> None:
     """Between them the hand may have stopped and gone on."""
-    if source == "tf":
-        pytest.importorskip("tf2_msgs", reason="only a ROS 2 distribution has tf2_msgs")
-    process = node_process("filter_node", {"pose_source": source, "scan_file": scan_file, **CELL})
-    hand = HandOnTf(probe, "palm") if source == "tf" else SlidingHand(probe, unseen_sweep())
+    pytest.importorskip("tf2_msgs", reason="only a ROS 2 distribution has tf2_msgs")
+    process = node_process("filter_node", {"pose_source": "tf", "scan_file": scan_file, **CELL})
+    hand = HandOnTf(probe, "palm")
     node = Filter(process, probe, hand)
     node.slide(20)
     hand.slide(30, poses=False)
