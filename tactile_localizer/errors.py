@@ -42,6 +42,11 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(shown[:_MAX_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
+def counted(number: int, what: str) -> str:
+    """A number of things whose plural ends in s: ``1 sweep``, ``42 sweeps``."""
+    return f"{number} {what}{'s' * (number != 1)}"
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A hint at the name of ``known`` that is most similar to ``name``; empty if none is."""
     near = get_close_matches(name, known, n=1)

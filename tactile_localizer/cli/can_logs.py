@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tactile_localizer.cli.outputs import InputPath
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.csv.table import Table
@@ -29,12 +30,13 @@ def add_can_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument_group("CAN logs").add_argument
     add(
         "--dbc",
+        type=InputPath,
         required=True,
         metavar="FILE",
         help="CAN database (DBC): a file, or the name of a shipped one",
     )
     text = "parameters of the driver node, if messages or signals do not have the default names"
-    add("--params-file", metavar="YAML", help=text)
+    add("--params-file", type=InputPath, metavar="YAML", help=text)
     add("--channel", default="", metavar="NAME", help="channel in a log of several, such as can0")
 
 

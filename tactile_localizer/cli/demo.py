@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from tactile_localizer.cli import main
-from tactile_localizer.cli.outputs import require_picture, require_writable
+from tactile_localizer.cli.outputs import output_path, require_picture, require_writable
 from tactile_localizer.cli.recordings import add_seed_argument
 from tactile_localizer.errors import LiveError, ParameterError
 from tactile_localizer.io.whole_file import is_result, open_file, writing
@@ -32,7 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--feature", choices=SIMULATED_FEATURES, default="bump", help="feature in the material"
     )
     parser.add_argument(
-        "-o", "--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder (default out/demo)"
+        "-o",
+        "--out",
+        type=output_path,
+        default=Path("out/demo"),
+        metavar="DIR",
+        help="folder (default out/demo)",
     )
     add_seed_argument(parser)
     parser.add_argument(

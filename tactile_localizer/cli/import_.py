@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from tactile_localizer.cli.can_logs import add_can_arguments, log_reader
+from tactile_localizer.cli.outputs import InputPath, output_path
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_bag_arguments,
@@ -17,7 +18,7 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.scan import examined
 from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.errors import ScanError, SceneError, printable
+from tactile_localizer.errors import ScanError, SceneError, counted, printable
 from tactile_localizer.io.csv.columns import ColumnNaming, MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
@@ -43,14 +44,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
     from_csv = kinds.add_parser("csv", help="one or more CSV files")
     text = "one sweep per file, unless a column has the sweep numbers"
-    from_csv.add_argument("files", nargs="+", metavar="FILE", help=text)
+    from_csv.add_argument("files", type=InputPath, nargs="+", metavar="FILE", help=text)
     add_csv_arguments(from_csv)
     from_bag = kinds.add_parser("bag", help="one or more bags: SQLite or MCAP, directory or file")
-    from_bag.add_argument("files", nargs="+", metavar="BAG", help="directory, *.mcap or *.db3")
+    from_bag.add_argument(
+        "files", type=InputPath, nargs="+", metavar="BAG", help="directory, *.mcap or *.db3"
+    )
     add_bag_arguments(from_bag)
     from_can = kinds.add_parser("can", help="one or more CAN logs: candump -l, .asc, .blf or .trc")
     text = "one sweep per log; the positions are those of --poses"
-    from_can.add_argument("files", nargs="+", metavar="LOG", help=text)
+    from_can.add_argument("files", type=InputPath, nargs="+", metavar="LOG", help=text)
     add_can_arguments(from_can)
     add_csv_arguments(from_can)
     proposal = " (default: a proposed one, written beside the scan)"
@@ -59,9 +62,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         text = "detect sweeps in the motion; one_way: without the return strokes (default: as recorded)"
         kind.add_argument("--detect-sweeps", choices=("both_ways", "one_way"), help=text)
         text = f"scene file (YAML), or the name of a shipped one{proposed}"
-        kind.add_argument("--scene", required=not proposed, help=text)
+        kind.add_argument("--scene", type=InputPath, required=not proposed, help=text)
         kind.add_argument(
-            "-o", "--output", required=True, metavar="SCAN", help="folder of the scan to create"
+            "-o",
+            "--output",
+            type=output_path,
+            required=True,
+            metavar="SCAN",
+            help="folder of the scan to create",
         )
         text = "import even if less than half of the samples are usable"
         kind.add_argument("--force", action="store_true", help=text)
@@ -103,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
         for line in assumptions:
             print(f"  {printable(line)}")
     made = ScanFolder(args.output).recording()
-    print(f"{args.output}: {len(made.sweeps)} sweeps, {len(made)} pairs")
+    print(f"{args.output}: {counted(len(made.sweeps), 'sweep')}, {counted(len(made), 'pair')}")
     scan = scan_of(made, scene)
     for note in (*notes, *findings(scan, scene, made.sweeps)):
         print(f"  {printable(note)}", flush=True)
@@ -142,4 +150,4 @@ def _proposed(args: argparse.Namespace, naming: ColumnNaming) -> tuple[Scene, li
         raise SceneError(
             f"{path}: expected no file; pass it by --scene {path}, or remove it for a new proposal"
         )
-    return propose_scene(Path(args.output).name, args.files, naming, args.poses, args.max_gap)
+    return propose_scene(args.output.name, args.files, naming, args.poses, args.max_gap)

@@ -36,6 +36,17 @@ class InputPath(str):
 
     __slots__ = ()
 
+    def __new__(cls, text: str) -> InputPath:
+        """The path in a text; a shell leaves the ``~`` of ``--scan=~/bump_scan`` to the command."""
+        if not text:
+            raise argparse.ArgumentTypeError("expected a path, got an empty text")
+        return super().__new__(cls, os.path.expanduser(text))  # noqa: PTH111  pathlib raises without a home
+
+
+def output_path(text: str) -> Path:
+    """Path that a command writes: the type of such arguments."""
+    return Path(InputPath(text))
+
 
 @contextmanager
 def results(args: argparse.Namespace) -> Iterator[Callable[[Mapping[str, Any]], None]]:
@@ -92,6 +103,10 @@ def require_writable(path: Path, args: argparse.Namespace, *libraries: str) -> N
     with writing(path):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if path.exists() and not path.is_file():
+            raise ParameterError(
+                f"{path}: expected a file, found a pipe or a device (--json - is standard output)"
+            )
         place = path.resolve()
         with TemporaryFile(dir=next(parent for parent in place.parents if parent.exists())):
             pass

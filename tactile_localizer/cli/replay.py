@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import InputPath, results, write_picture, write_report
+from tactile_localizer.cli.outputs import InputPath, output_path, results, write_picture, write_report
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
@@ -24,7 +23,7 @@ from tactile_localizer.core.configuration import FILTERS, SWEEP_MIXTURE
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.range import ScanRange, describe_misfit
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import printable
+from tactile_localizer.errors import counted, printable
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.recording import Recording, usable
 from tactile_localizer.io.scans.learned import learned_calibration
@@ -47,9 +46,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_seed_argument(parser)
     add_recording_arguments(parser)
     text = "write the summary and every estimate (-: to standard output, all else to standard error)"
-    parser.add_argument("--json", type=Path, metavar="FILE", help=text)
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the error (*.png, *.pdf, *.svg)")
-    parser.add_argument("--report", type=Path, metavar="FILE", help="write a report to send (one HTML file)")
+    add = partial(parser.add_argument, type=output_path, metavar="FILE")
+    add("--json", help=text)
+    add("--plot", help="draw the error (*.png, *.pdf, *.svg)")
+    add("--report", help="write a report to send (one HTML file)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -108,8 +108,8 @@ def _misfit(scan: Scan, scene: Scene, recording: Recording) -> str:
 def _print(document: dict[str, Any], scan: str) -> None:
     summary, timing, configuration = document["summary"], document["timing"], document["configuration"]
     print(
-        f"{summary['sweeps']} sweeps, {summary['strains']} samples, "
-        f"{summary['measurement_updates']} measurement updates"
+        f"{counted(summary['sweeps'], 'sweep')}, {counted(summary['strains'], 'sample')}, "
+        f"{counted(summary['measurement_updates'], 'measurement update')}"
         + (f", {summary['refused']} refused" if summary["refused"] else "")
         + f"\n{configuration.model}, {configuration.filter} filter; odometry {summary['odometry']}"
     )
@@ -118,7 +118,7 @@ def _print(document: dict[str, Any], scan: str) -> None:
         print(f"  {name:20} {value}")
     place = "contact" if summary["contacts"] else "the start"
     if summary["contacts"]:
-        print(f"travel counts from contact, which {summary['contacts']} sweeps reach")
+        print(f"travel counts from contact, reached in {counted(summary['contacts'], 'sweep')}")
     if summary["error_m"]["count"]:
         errors = {
             f"{float(mark) * MM:g} mm after {place}" if float(mark) else f"at {place}": error

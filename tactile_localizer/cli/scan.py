@@ -9,11 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import InputPath, require_picture, results, write_picture, write_report
+from tactile_localizer.cli.outputs import (
+    InputPath,
+    output_path,
+    require_picture,
+    results,
+    write_picture,
+    write_report,
+)
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import printable
+from tactile_localizer.errors import counted, printable
 from tactile_localizer.io.recording import scan_of
 from tactile_localizer.io.scans.folder import DROPPED, ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
@@ -31,14 +38,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(required=True, metavar="ACTION")
     info = actions.add_parser("info", help="totals, history, and findings that need attention")
     info.set_defaults(work=_info)
-    info.add_argument("--report", type=Path, metavar="FILE", help="write a report to send (one HTML file)")
     info.add_argument(
-        "--json", type=Path, metavar="FILE", help="write examination and findings (-: as replay)"
+        "--report", type=output_path, metavar="FILE", help="write a report to send (one HTML file)"
+    )
+    info.add_argument(
+        "--json", type=output_path, metavar="FILE", help="write examination and findings (-: as replay)"
     )
     plot = actions.add_parser("plot", help="draw the sweeps and the tactile map")
     plot.set_defaults(work=_plot)
     text = "folder (default out/plot)"
-    plot.add_argument("-o", "--output", type=Path, default=Path("out/plot"), metavar="DIR", help=text)
+    plot.add_argument("-o", "--output", type=output_path, default=Path("out/plot"), metavar="DIR", help=text)
     for action in (info, plot):
         action.add_argument("scan", type=InputPath, metavar="SCAN", help="folder of the scan")
 
@@ -68,7 +77,8 @@ def _described(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]
     axes = ", ".join(f"{axis.name} {axis.lower:g} to {axis.upper:g}" for axis in scene.axes)
     phalanges = ", ".join(f"{each.name} ({each.channels} channels)" for each in scene.phalanges)
     lines = [
-        f"{args.scan}: {len(recording)} pairs in {len(sweeps)} sweeps ({dropped} dropped)",
+        f"{args.scan}: {counted(len(recording), 'pair')} in {counted(len(sweeps), 'sweep')} "
+        f"({dropped} dropped)",
         f"  scene      {scene.name}: {axes} (m, rad)",
         f"  phalanges  {phalanges}, strain in {sweeps[0].strain_unit if sweeps else 'V'}",
     ]

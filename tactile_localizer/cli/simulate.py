@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_localizer.cli.outputs import require_writable
+from tactile_localizer.cli.outputs import output_path, require_writable
 from tactile_localizer.cli.recordings import add_seed_argument
+from tactile_localizer.errors import counted
 from tactile_localizer.io.csv.columns import channel_names
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import save_scene
@@ -23,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the feature, the seed and the numbers of sweeps."""
     add, folder = parser.add_argument, Path("out/simulate")
     add("feature", choices=FEATURES, help="feature in the material (none: featureless material)")
-    add("-o", "--output", type=Path, default=folder, metavar="DIR", help=f"folder (default {folder})")
+    add("-o", "--output", type=output_path, default=folder, metavar="DIR", help=f"folder (default {folder})")
     add_seed_argument(parser)
     text = f"training sweeps, 2.54 mm apart (default {TRAINING_SWEEPS}: the whole square; more scan it again)"
     add("--train", type=int, default=TRAINING_SWEEPS, metavar="N", help=text)
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     for name, recording, positions in (("train", train, "position"), ("test", test, "truth")):
         path = args.output / f"{name}.csv"
         write_csv(path, recording, scene, positions)
-        print(f"{path}: {len(recording.sweeps)} sweeps, {len(recording)} samples")
+        print(f"{path}: {counted(len(recording.sweeps), 'sweep')}, {len(recording)} samples")
     if channels:
         path = args.output / "scene.yaml"
         save_scene(scene, path)

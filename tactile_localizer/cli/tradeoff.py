@@ -10,7 +10,7 @@ from textwrap import fill
 
 import yaml
 
-from tactile_localizer.cli.outputs import InputPath, require_writable, write_picture
+from tactile_localizer.cli.outputs import InputPath, output_path, require_writable, write_picture
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_recording_arguments,
@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write the fastest configuration per millimetre of travel within this mean error, mm",
     )
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes; -1: one per core")
-    parser.add_argument("-o", "--output", type=Path, default=Path("tradeoff"), metavar="DIR")
+    parser.add_argument("-o", "--output", type=output_path, default=Path("tradeoff"), metavar="DIR")
 
 
 def run(args: argparse.Namespace) -> int:

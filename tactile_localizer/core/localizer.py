@@ -165,7 +165,7 @@ class Localizer:
     def __repr__(self) -> str:
         """One line: scene, axes, filter and model."""
         names = ", ".join(self.scene.axis_names)
-        model = type(self._position_model or self.model).__name__
+        model = getattr(self._position_model, "name", type(self.model).__name__)
         return f"<Localizer on {self.scene.name} ({names}): {type(self.filter).__name__}, {model}>"
 
     def reset(self) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ScanError, counted
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 from tactile_localizer.scene import LARGEST_STRAIN, Axis, Scene
 from tactile_localizer.streams.palm_motion import describe_motion
@@ -73,7 +73,7 @@ class RecordedSweep:
 
     def __repr__(self) -> str:
         """One line, without the arrays."""
-        return f"<RecordedSweep {self.number} of {len(self)} samples>"
+        return f"<RecordedSweep {self.number} of {counted(len(self), 'sample')}>"
 
     def samples(self) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
         """Stamp, position, strain and usable phalanges of each sample, as :meth:`.Localizer.update` takes."""
@@ -109,7 +109,8 @@ class Recording:
 
     def __repr__(self) -> str:
         """One line, without the sweeps."""
-        return f"<Recording {self.source} of {len(self)} samples in {len(self.sweeps)} sweeps>"
+        samples, sweeps = counted(len(self), "sample"), counted(len(self.sweeps), "sweep")
+        return f"<Recording {self.source} of {samples} in {sweeps}>"
 
 
 def join(recordings: Sequence[Recording]) -> Recording:

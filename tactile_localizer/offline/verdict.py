@@ -9,6 +9,7 @@ from enum import Enum
 
 import numpy as np
 
+from tactile_localizer.errors import counted
 from tactile_localizer.offline.axes import describe_sizes
 from tactile_localizer.offline.metrics import deviation, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
@@ -66,7 +67,8 @@ class Verdict:
         if not self.expected:
             return "NOT localized: no sweep touches a feature or converges"
         return (
-            f"{'localized' if self.success else 'NOT localized'}: {self.right} of {self.expected} sweeps "
+            f"{'localized' if self.success else 'NOT localized'}: "
+            f"{self.right} of {counted(self.expected, 'sweep')} "
             f"{'right' if self.has_truth else 'converged'}, {self.wrong} ever wrong, "
             f"{self.early} converged early, {self.never} never"
         )

@@ -21,7 +21,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from tactile_localizer.core.calibration.examination import Examination
-from tactile_localizer.errors import ParameterError, ScanError, TactileLocalizerError
+from tactile_localizer.errors import ParameterError, ScanError, TactileLocalizerError, counted
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
@@ -198,8 +198,8 @@ class MappingNode(ManagedNode):
         self._ending.append(Ending(sweep, until_ns, deadline_s, written))
         missing_s = await written
         self._require_written()
-        said = [f"sweep {sweep.number} ended: {sweep.pairs or 'no'} pairs"]
-        said += [f"{sweep.gaps} samples without a pose"] if sweep.gaps else []
+        said = [f"sweep {sweep.number} ended: {counted(sweep.pairs, 'pair') if sweep.pairs else 'no pairs'}"]
+        said += [f"{counted(sweep.gaps, 'sample')} without a pose"] if sweep.gaps else []
         said += [f"{sweep.skipped} missing, saturated or out of bounds"] if sweep.skipped else []
         said += [f"no strain for its last {missing_s:.1f} s"] if missing_s else []
         response.message = ", ".join(said)

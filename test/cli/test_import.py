@@ -144,7 +144,7 @@ def test_shipped_scenes_and_namings_are_found_by_name(folder, run):
 def test_a_bag_is_imported(folder, run):
     write_bag(folder / "bag", slide(0, 1000), "sqlite3")
     output = run("bag bag --scene scene.yaml -o bump_scan")[1].splitlines()
-    assert output[0] == "bump_scan: 1 sweeps, 197 pairs"
+    assert output[0] == "bump_scan: 1 sweep, 197 pairs"
     assert counts(output) == [(3, 200)]
 
 
@@ -199,7 +199,7 @@ def test_a_scene_is_proposed_written_and_used(folder, run):
         "phalanx finger: 19 channels, taxel1 to taxel19",
         "bounds of x: 0.0 to 49.5 mm (recorded), and 5 mm on each side",
         "motion_std: 0.003",
-        "own_scan: 1 sweeps, 100 pairs",
+        "own_scan: 1 sweep, 100 pairs",
     ):
         assert line in printed
     scene = load_scene("own_scan.scene.yaml")

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from tactile_localizer import __version__, cli
 from tactile_localizer.cli.outputs import require_writable, write_picture
+from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.scans import FORMAT
 from tactile_localizer.io.whole_file import RESULT
 from tactile_localizer.offline.json_file import write_json
@@ -273,6 +274,33 @@ def test_a_wrong_command_line_is_one_line_with_the_help(
     assert line.startswith("error: ")
     assert line.endswith(f"; `{expected} --help` shows what can be given")
     assert not end
+
+
+@pytest.mark.parametrize(
+    "typed", ["replay a.csv --scan=", "replay a.csv --scan a_scan --json=", "scan info=", "simulate bump -o="]
+)
+def test_an_empty_path_is_refused(typed: str, capsys: pytest.CaptureFixture) -> None:
+    *others, option = typed.split()
+    with pytest.raises(SystemExit, match="2"):
+        cli.main([*others, *option.partition("=")[::2]])
+    assert "expected a path, got an empty text" in capsys.readouterr().err
+
+
+def test_a_path_may_begin_with_the_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert cli.main(["simulate", "none", "--train", "1", "--test", "1", "--output=~/out"]) == 0
+    assert (tmp_path / "out/train.csv").exists()
+    arguments = ["import", "csv", "~/out/train.csv", "--scene=bump.yaml", "--output=~/out/scan"]
+    assert cli.main(arguments) == 0
+    assert cli.main(["scan", "info", "~/out/scan", "--json=~/out/scan.json"]) == 0
+    assert (tmp_path / "out/scan.json").exists()
+
+
+def test_a_device_is_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (Path("/dev/null"), tmp_path / "pipe"):
+        with pytest.raises(ParameterError, match="expected a file, found a pipe or a device"):
+            require_writable(path, argparse.Namespace())
 
 
 def test_a_word_that_resembles_none_has_no_suggestion(capsys: pytest.CaptureFixture) -> None:

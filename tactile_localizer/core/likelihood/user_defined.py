@@ -26,6 +26,10 @@ class NamedModel:
     name : ``module:Class``, importable from Python's path
     scan, scene : arguments of the class, in this order
 
+    Attributes
+    ----------
+    name : as given
+
     Raises
     ------
     ParameterError
@@ -33,7 +37,7 @@ class NamedModel:
     """
 
     def __init__(self, name: str, scan: Scan, scene: Scene) -> None:
-        self._name = name
+        self.name = name
         module_name, _, class_name = name.partition(SEPARATOR)
         with self._named("a module on Python's path (PYTHONPATH)"):
             module = importlib.import_module(module_name)
@@ -79,4 +83,4 @@ class NamedModel:
             raise self._error(expected, located(error)) from None
 
     def _error(self, expected: str, found: str) -> ParameterError:
-        return ParameterError(f"model {self._name!r}: expected {expected}, {found}")
+        return ParameterError(f"model {self.name!r}: expected {expected}, {found}")

@@ -11,7 +11,7 @@ import matplotlib as mpl
 import numpy as np
 
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.errors import MeasurementError
+from tactile_localizer.errors import MeasurementError, counted
 from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.axes import MM, describe_sizes
@@ -123,7 +123,7 @@ def _sweeps(sweeps: Sequence[ReplayedSweep]) -> list[Section]:
         reason = "" if found is Outcome.RIGHT else "".join(sweep.reason[-1:])
         name = "converged" if found is Outcome.RIGHT and sweep.truth is None else found.value
         rows.append((_QUALITY.get(found, "bad"), (str(sweep.number), name, *numbers, reason)))
-    table = Section(f"All {len(rows)} sweeps", columns=columns, numbers=columns[2:5], rows=rows)
+    table = Section(f"{counted(len(rows), 'sweep')}", columns=columns, numbers=columns[2:5], rows=rows)
     figures = [
         (svg(errors, "error"), "Error, and what the estimate says of it, along each sweep."),
         (svg(paths, "paths"), "Where the palm was, and what the estimate claimed there."),
@@ -198,7 +198,7 @@ def _settings(evaluation: Evaluation, document: Mapping[str, Any]) -> Section:
         for row in (
             ("recording", evaluation.recording.source),
             ("scan", evaluation.scan_name),
-            ("samples", f"{summary['strains']:,} in {summary['sweeps']} sweeps"),
+            ("samples", f"{summary['strains']:,} in {counted(summary['sweeps'], 'sweep')}"),
             ("odometry", evaluation.odometry),
             ("seed", str(evaluation.seed)),
             *document["learned"].items(),

@@ -14,7 +14,7 @@ from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError
+from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError, counted
 from tactile_localizer.io.scans.recorder import StrainSample
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.msg import StrainVectors
@@ -222,7 +222,7 @@ class TactileInputs:
         of_tf = self._tf if topic == "palm_pose" else None
         name = "/tf" if of_tf else self._node.resolve_topic_name(topic)
         count = self._node.count_publishers(name)
-        text = f"no {topic} on {name} ({count} publisher{'s' * (count != 1)})"
+        text = f"no {topic} on {name} ({counted(count, 'publisher')})"
         return f"{text}: {of_tf.problem}" if of_tf and of_tf.problem else text
 
     def sparsity(self, age_s: float) -> str:
