@@ -23,7 +23,6 @@ settings.load_profile("repeatable")
 _CLAIM = ExitStack()
 _CAN_PORT = _CLAIM.enter_context(own_domain())
 os.environ.setdefault("MPLBACKEND", "Agg")
-os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(Path(__file__).parent / "lib" / "fastdds.xml"))
 # Processes started by `make test &` in a script ignore Ctrl-C; those of the tests must not inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 # Before any test imports numpy: the matrices are small, and threads of BLAS would only wait for each other.

@@ -21,6 +21,8 @@ _DOMAINS = range(1, 100)
 """Domain ids whose UDP ports are below the ephemeral ports."""
 _FIRST_CAN_PORT = 43200
 """UDP port of the simulated CAN bus of domain 0; udp_multicast separates buses by port only."""
+_PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Environment variables that name the profile for Fast DDS 2 and 3."""
 _STOP_TIMEOUT_S = 5.0
 """Time for the nodes to stop after each signal, s."""
 
@@ -29,8 +31,8 @@ _STOP_TIMEOUT_S = 5.0
 def own_domain() -> Iterator[int]:
     """Context that reserves a ROS domain on this machine, and yields the UDP port of its simulated CAN bus.
 
-    This process and those that it starts get the domain by their environment. The process owns both while it
-    is bound to the TCP port of that number.
+    This process and those that it starts get the domain by their environment, and ``config/fastdds.xml`` if
+    they use Fast DDS. The process owns both while it is bound to the TCP port of that number.
 
     Raises
     ------
@@ -45,6 +47,10 @@ def own_domain() -> Iterator[int]:
             except OSError:
                 continue
             os.environ.update(ROS_DOMAIN_ID=str(number), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
+            if os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps"):
+                profile = str(resource_path("config/fastdds.xml"))  # its own range is this machine, too
+                os.environ.update(dict.fromkeys(_PROFILE_VARIABLES, profile))
+                os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
             yield _FIRST_CAN_PORT + number
             return
     raise LiveError("ROS_DOMAIN_ID: expected a free domain from 1 to 99, all are in use")
