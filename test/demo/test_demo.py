@@ -56,6 +56,7 @@ def test_an_interrupt_lets_what_runs_finish(how):
 def test_a_recording_that_is_late_slows_the_hand_down_and_keeps_the_times_of_sending(monkeypatch):
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
+    from rclpy.serialization import deserialize_message
 
     from tactile_localizer.demo.nodes import own_domain
     from tactile_localizer.demo.session import Operator
@@ -63,10 +64,10 @@ def test_a_recording_that_is_late_slows_the_hand_down_and_keeps_the_times_of_sen
     from tactile_localizer.ros.conversions import from_ns
 
     monkeypatch.setenv("ROS_DOMAIN_ID", os.environ["ROS_DOMAIN_ID"])  # restored after the test
-    recorded_ns, sent_ns, age_s = [], [], [1.0]
+    recorded, sent_ns, age_s = [], [], [1.0]
 
     def record(topic, raw, stamp_ns):
-        recorded_ns.append(stamp_ns)
+        recorded.append((deserialize_message(raw, StrainVectors).sequence[0] // 2, stamp_ns))
 
     with own_domain(), contextlib.closing(Operator(record, lambda: None, print, speed=10.0)) as operator:
         hand = rclpy.create_node("tactile_simulator")
@@ -87,18 +88,15 @@ def test_a_recording_that_is_late_slows_the_hand_down_and_keeps_the_times_of_sen
         thread.start()
         try:
             wait_until(lambda: len(sent_ns) > 10, "messages")
-            begun_ns = time.time_ns()
-            operator.until(lambda: hand.get_parameter("speed").value == 2.5, "a slower hand")
-            age_s[0] = 3.0
-            operator.until(lambda: hand.get_parameter("speed").value == 0.625, "a slow hand")
-            age_s[0] = 0.0
-            operator.until(lambda: hand.get_parameter("speed").value == 10.0, "a hand at full speed")
+            for age_s[0], speed in ((1.0, 2.5), (3.0, 0.625), (0.0, 10.0)):
+                operator.until(lambda: hand.get_parameter("speed").value == speed, f"speed {speed}")  # noqa: B023
         finally:
             executor.shutdown()
             thread.join()
             hand.destroy_node()
-        assert sent_ns[0] <= recorded_ns[0] < begun_ns
-        assert operator.lost == len(recorded_ns) - 1
+        sent_ns.append(time.time_ns())
+        assert all(sent_ns[number] <= stamp_ns <= sent_ns[number + 1] for number, stamp_ns in recorded)
+        assert operator.lost == len(recorded) - 1
 
 
 def test_a_step_lasts_for_as_long_as_a_node_reports_progress(monkeypatch):
@@ -159,7 +157,7 @@ raise SystemExit(main())
 def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     folder = tmp_path / "demo"
     command = [sys.executable, "-c", ONE_ALONG_EACH_LINE, "demo", "--out", folder]
-    demo = process([*command, "--speed", "12", "--sweeps", "3"])
+    demo = process([*command, "--sweeps", "3"])
     status = demo.wait(timeout_s=600.0)
     steps, replayed = demo.output.split("$ tactile-localizer replay ")
     assert "sweep  3: " in steps
@@ -185,7 +183,10 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     )
     live = {stamp_of(each.value): each.value for each in bag.received}
     assert max(each.covariance_trace for each in live.values()) > 1e-4, "initially uniform"
-    apart = [live[each["stamp_ns"]].mean - np.array(each["mean"]) for each in replay["updates"]]
+    replayed_at = {each["stamp_ns"]: np.array(each["mean"]) for each in replay["updates"]}
+    both = live.keys() & replayed_at.keys()  # a recording that is put aside loses some
+    assert len(both) > 100
+    apart = [live[stamp_ns].mean - replayed_at[stamp_ns] for stamp_ns in both]
     assert np.median(np.linalg.norm(apart, axis=1)) < 0.001, "the live one has also the strain before a sweep"
 
 
