@@ -80,7 +80,7 @@ coverage: build ## List the branches of core, paper, streams and io that no test
 
 .PHONY: docs
 docs: build ## Write docs/parameters.md from the nodes
-	$(run) python docs/make/parameters.py >docs/parameters.md
+	$(run) python docs/make/parameters.py docs/parameters.md
 
 shipped := examples/recordings/engine_bump
 .PHONY: pictures

@@ -1,6 +1,12 @@
-"""Prints docs/parameters.md from the parameters that the nodes declare; `make docs` updates the page."""
+"""Writes docs/parameters.md from the parameters that the nodes declare: `make docs`.
+
+The page goes to the file that is named, as DDS may print to standard output.
+"""
 
 from __future__ import annotations
+
+import sys
+from pathlib import Path
 
 import rclpy
 
@@ -126,4 +132,4 @@ def number(value: float) -> str:
 
 
 if __name__ == "__main__":
-    print(page())
+    Path(sys.argv[1]).write_text(page() + "\n", encoding="utf-8")
