@@ -8,6 +8,9 @@ does the same without ROS, as fast as possible, and prints figures.
 
 from launch.event_handlers import OnProcessExit
 from launch.substitutions import LaunchConfiguration
+from launch_ros.event_handlers import OnStateTransition
+from launch_ros.events.lifecycle import ChangeState
+from lifecycle_msgs.msg import Transition
 
 from launch import LaunchDescription, actions
 from tactile_localizer.ros.launching import failure, nodes, shared_arguments
@@ -22,6 +25,11 @@ PARAMETERS = {
     "queue_depth": 10_000,
     "patience_s": 60.0,  # a pose that is 0.1 s late is 1 s late by its stamp at rate 10
 }
+
+DEACTIVATE = ChangeState(
+    lifecycle_node_matcher=lambda node: True, transition_id=Transition.TRANSITION_DEACTIVATE
+)
+"""Lets the filter process what has arrived: on a busy machine it is behind the bag."""
 
 LAST_S = 3.0
 """Time after the end of the bag for the first posterior, if there was none, s."""
@@ -40,6 +48,8 @@ def generate_launch_description():
     command = ["ros2", "bag", "play", bag, "--clock", "200", "--rate", rate, "--delay", "3"]
     play = actions.ExecuteProcess(cmd=[*command, "--exclude-regex", WITHOUT])
 
+    is_drained = False
+
     def on_exit(event, context):
         if context.is_shutdown:
             return None
@@ -47,12 +57,18 @@ def generate_launch_description():
             return failure(f"replay: {event.process_name} ended with status {event.returncode}")
         if event.action is active:
             return play
-        if play.return_code is None:
-            return None
-        if localized.return_code is None:
-            return failure(f"{bag.perform(context)}: expected posteriors, found none", LAST_S)
-        return actions.Shutdown()
+        if event.action is play:
+            return actions.EmitEvent(event=DEACTIVATE)
+        return actions.Shutdown() if is_drained else None
 
+    def on_inactive(context):
+        nonlocal is_drained
+        is_drained = True
+        if localized.return_code is None:
+            return [failure(f"{bag.perform(context)}: expected posteriors, found none", LAST_S)]
+        return [actions.Shutdown()]
+
+    drained = actions.OpaqueFunction(function=on_inactive)
     return LaunchDescription(
         [
             actions.DeclareLaunchArgument("bag", description="Bag to play"),
@@ -61,6 +77,7 @@ def generate_launch_description():
             *shared_arguments("pose_topic", "namespace", "params_file"),
             nodes("filter", **PARAMETERS),
             actions.RegisterEventHandler(OnProcessExit(on_exit=on_exit)),
+            actions.RegisterEventHandler(OnStateTransition(start_state="deactivating", entities=[drained])),
             active,
             localized,
         ]

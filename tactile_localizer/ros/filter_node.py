@@ -26,7 +26,13 @@ from tactile_localizer.core.factory import build_localizer, convergence_criteria
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import LiveError, MeasurementError, ParameterError, TactileLocalizerError
+from tactile_localizer.errors import (
+    LiveError,
+    MeasurementError,
+    ParameterError,
+    TactileLocalizerError,
+    counted,
+)
 from tactile_localizer.io.confinement import confined
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
@@ -105,6 +111,7 @@ class FilterNode(ManagedNode):
         self._start(self._loaded)
         self.defer(self._log_counts)
         self._inputs.subscribe()
+        self.defer(self._inputs.take_waiting)
         self.create_subscription(PoseWithCovarianceStamped, "~/initial_pose", self._on_initial_pose, 10)
         self.create_service(Empty, "~/reinitialize_global_localization", self._on_reinitialize)
         self._watches = 0
@@ -142,8 +149,8 @@ class FilterNode(ManagedNode):
         choices, rng = configuration(parameters), np.random.default_rng(parameters["seed"])
         calibration = learned_calibration(path, scan, scene, progress)
         localizer = build_localizer(scan, scene, choices, rng, progress, calibration)
-        sweeps = len(scan.sweep_numbers)
-        self.get_logger().info(f"{path}: {len(scan)} pairs of {sweeps} sweeps, scene {scene.name}")
+        sweeps = counted(len(scan.sweep_numbers), "sweep")
+        self.get_logger().info(f"{path}: {counted(len(scan), 'pair')} of {sweeps}, scene {scene.name}")
         return LoadedScan(path, scan, scene, localizer)
 
     def _start(self, loaded: LoadedScan) -> None:
@@ -213,7 +220,7 @@ class FilterNode(ManagedNode):
             response.result = response.NOT_USABLE
             self._start(loaded)
             response.success, response.result = True, response.SUCCESS
-            response.message = f"{path}: {len(loaded.scan)} pairs"
+            response.message = f"{path}: {counted(len(loaded.scan), 'pair')}"
         except TactileLocalizerError as error:
             response.message = str(error)
             self.get_logger().error(f"load scan: {error}")

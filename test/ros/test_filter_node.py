@@ -3,11 +3,14 @@
 import dataclasses
 import os
 import re
+import signal
+import threading
 
 import numpy as np
 import pytest
 from support.diagnostics import status_of
 from support.filter import CELL, Filter
+from support.processes import node_command
 from support.sweeps import (
     SlidingHand,
     unseen_sweep,
@@ -100,6 +103,50 @@ def test_topics_without_messages_are_warned_of_once(node_process, probe, scan_fi
     probe.known_to("tactile_filter")
     found = r"stale: no palm_pose on /arm/pose .2 publishers., no estimate"
     probe.until(lambda: hand.slide(1, poses=False) or re.search(found, node.output), "the other reason")
+
+
+SLOW_MODEL = """
+import os
+import time
+from tactile_localizer.paper import SumOfGaussians
+
+class Slow(SumOfGaussians):
+    def log_likelihood(self, *arguments):
+        while os.path.exists("BUSY"):
+            time.sleep(0.01)
+        return super().log_likelihood(*arguments)
+"""
+
+
+@pytest.mark.parametrize("end", ["deactivate", "signal"])
+def test_what_has_arrived_is_localized_before_the_end(process, probe, scan_file, tmp_path, monkeypatch, end):
+    from geometry_msgs.msg import PoseStamped
+    from rclpy.duration import Duration
+
+    samples, busy = 300, tmp_path / "busy"
+    (tmp_path / "slow.py").write_text(SLOW_MODEL.replace("BUSY", str(busy)))
+    reliable = {
+        f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in ("strain", "palm_pose")
+    }
+    parameters = {"scan_file": scan_file, **CELL, "queue_depth": 1000, "model": "slow:Slow", **reliable}
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    running = process(node_command("filter_node", parameters), {"PYTHONPATH": path})
+    monkeypatch.setattr(probe, "best_effort", 1000)  # of the strain: reliable, as the poses are
+    node = Filter(running, probe, SlidingHand(probe, unseen_sweep(rate=50.0)))
+    node.hand._poses = probe.publisher(PoseStamped, "palm_pose", 1000)
+    busy.touch()
+    node.hand.slide(samples)
+    for publisher in (node.hand._strains, node.hand._poses):
+        assert publisher.wait_for_all_acked(Duration(seconds=60))
+    if end == "signal":
+        os.kill(running.pid, signal.SIGINT)
+        busy.unlink()
+        assert running.wait() == 0
+    else:
+        threading.Timer(0.2, busy.unlink).start()
+        assert probe.change("tactile_filter", "deactivate")
+        probe.until(lambda: len(node.fresh()) == samples, "all posteriors")
+    running.wait_for_line(f"{samples} strain vectors received, {samples} posteriors, 0 without a pose, 0")
 
 
 def test_diagnostics_describe_belief_and_inputs(start, probe):

@@ -42,8 +42,10 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
-    except Exception as error:  # also from rclpy, for invalid arguments or parameter overrides
-        rclpy.logging.get_logger("tactile_localizer").error(one_line(error))
+    except Exception as error:
+        of_rclpy = " ".join(f"command line: {error}".split())  # an argument, or a parameter's value
+        reason = one_line(error) if rclpy.ok() else of_rclpy
+        rclpy.logging.get_logger("tactile_localizer").error(reason)
         rclpy.try_shutdown()
         return REJECTED
     try:
@@ -63,7 +65,7 @@ def _spin(node: ManagedNode, ended: threading.Event) -> int:
         # A signal does not end a wait of the executor; Python handles it when the executor wakes up.
         node.create_timer(_WAKE_PERIOD_S, lambda: None)
         if node.parameters["autostart"]:
-            started = executor.create_task(node.start())
+            started = executor.create_task(node.start)
             while not (started.done() or ended.is_set()):
                 executor.spin_once()
             if started.done() and not started.result():

@@ -137,8 +137,9 @@ class EstimatePublisher:
         # A separate generator: subscribers must not influence the estimates.
         self._rng = np.random.default_rng(0)
         self._displayed_ns, self._period_ns = -math.inf, 0.0
-        self._posterior = node.create_lifecycle_publisher(Posterior, "~/posterior", 100)
-        self._converged = node.create_lifecycle_publisher(Bool, "~/converged", 100)
+        depth = parameters["queue_depth"]  # strain that has waited gives as many estimates at once
+        self._posterior = node.create_lifecycle_publisher(Posterior, "~/posterior", depth)
+        self._converged = node.create_lifecycle_publisher(Bool, "~/converged", depth)
         self._pose = node.create_lifecycle_publisher(PoseWithCovarianceStamped, "~/pose", LATCHED)
         self._particles = node.create_lifecycle_publisher(PointCloud2, "~/particles", 10)
         self._markers = node.create_lifecycle_publisher(MarkerArray, "~/markers", 10)
