@@ -101,11 +101,6 @@ def place_at(stamp_ns):
     return np.column_stack([x, np.full(len(x), 0.02)])
 
 
-RELIABLE = {
-    f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in ("strain", "palm_pose")
-}
-
-
 def recorded(files):
     return ScanFolder(files["scan_file"]).recording().sweeps
 
@@ -125,7 +120,7 @@ def require_as_offline(sweep, stream):
     ids=["late", "another clock", "ahead", "a busy node"],
 )
 def test_a_sweep_is_an_interval_of_the_stamps(node_process, probe, files, delay_s, clock_s, is_busy):
-    parameters = {**files, **DEEP_QUEUE, **RELIABLE, "patience_s": 30.0}
+    parameters = {**files, **DEEP_QUEUE, "patience_s": 30.0}
     node = node_process("mapping_node", parameters)
     stream = Stream(probe, delay_s, clock_s)
     try:
@@ -156,7 +151,7 @@ def test_a_sweep_is_an_interval_of_the_stamps(node_process, probe, files, delay_
 def test_no_pair_is_lost_beside_six_busy_processes(node_process, probe, files):
     """With five poses for each strain vector, the poses must not fall behind."""
     two_periods_ns = 2 * Stream.STRAIN_MS * MS
-    node_process("mapping_node", parameters={**files, **DEEP_QUEUE, **RELIABLE, "patience_s": 30.0})
+    node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "patience_s": 30.0})
     stream = Stream(probe)
     intervals = []
     try:

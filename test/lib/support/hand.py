@@ -8,8 +8,11 @@ import numpy as np
 from support import bags
 from support.sweeps import stamp_of
 
-DEEP_QUEUE = {"queue_depth": 1000}
-"""Parameter with which a starved node loses no strain."""
+DEEP_QUEUE = {
+    "queue_depth": 1000,
+    **{f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in ("strain", "palm_pose")},
+}
+"""Parameters with which a starved node loses no strain and no pose."""
 
 
 class Hand:
@@ -28,8 +31,8 @@ class Hand:
         self.probe, self.frame, self.phalanges, self.node = probe, frame, phalanges, node
         self.statuses = probe.listen(ScanStatus, f"{node}/status", 100)
         self._publishers = {
-            "palm_pose": probe.publisher(PoseStamped, "palm_pose", 100),
-            "strain": probe.publisher(StrainVectors, "strain", probe.best_effort),
+            "palm_pose": probe.publisher(PoseStamped, "palm_pose", 10_000),
+            "strain": probe.publisher(StrainVectors, "strain", 10_000),
         }
         probe.known_to(node)
         self.x = bags.x_at

@@ -2,6 +2,7 @@
 
 import pytest
 from support import bags
+from support.hand import DEEP_QUEUE
 from support.processes import node_command
 
 pytestmark = pytest.mark.ros
@@ -17,10 +18,7 @@ def test_poses_do_not_fall_behind_the_strain_that_waits_for_them(probe, files):
     from tactile_localizer.msg import StrainVectors
     from tactile_localizer.ros.mapping_node import MappingNode
 
-    reliable = {
-        f"qos_overrides./{topic}.subscription.reliability": "reliable" for topic in ("strain", "palm_pose")
-    }
-    rclpy.init(args=node_command("mapping_node", {**files, **reliable})[1:])
+    rclpy.init(args=node_command("mapping_node", {**files, **DEEP_QUEUE})[1:])
     node, executor = MappingNode(), SingleThreadedExecutor()
     try:
         node.trigger_configure()
