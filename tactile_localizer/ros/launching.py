@@ -7,9 +7,13 @@ starts before the arguments of all its nodes are known to be valid.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+import launch.logging
+import yaml
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, TimerAction
 from launch_ros.actions import LifecycleNode
 from launch_ros.parameter_descriptions import ParameterValue
@@ -38,6 +42,10 @@ _PARAMETERS = {"filter": ["scan_file"], "mapping": ["scan_file", "scene_file"], 
 """Arguments that are parameters of a node."""
 
 
+_ARGUMENTS = {*_SHARED, "scan_file", "scene_file", "mode", "bag", "rate"}
+_NODES = [f"tactile_{kind}" for kind in ("driver", "adapter", "mapping", "filter", "simulator")]
+
+
 def shared_arguments(*names: str, params_file: str = "robot.yaml") -> list[DeclareLaunchArgument]:
     """Declarations of arguments; ``params_file`` is the default parameter file, of those that are shipped."""
     defaults = {"params_file": {"default_value": str(resource_path(f"config/{params_file}"))}}
@@ -63,6 +71,8 @@ def _nodes(context: LaunchContext, kinds: tuple[Any, ...], fixed: dict[str, Any]
     file = Path(given["params_file"]).expanduser()
     if not file.is_file():
         return [failure(f"params_file: expected a file, found none: {file}")]
+    _warn_of_misspelt("argument", given, _ARGUMENTS, 0.8)
+    _warn_of_misspelt(f"{file}:", _sections(file), _NODES, 0.6)
     flags = {name: given[name].lower() == "true" for name in _FLAGS if given.get(name)}
     actions = []
     for kind in kinds:
@@ -79,6 +89,23 @@ def _nodes(context: LaunchContext, kinds: tuple[Any, ...], fixed: dict[str, Any]
             )
         )
     return actions
+
+
+def _warn_of_misspelt(what: str, names: Iterable[str], known: Iterable[str], similarity: float) -> None:
+    """Warn of names that resemble known ones: launch and rcl ignore the others without a word."""
+    for name in names:
+        if name not in known and (near := get_close_matches(name, known, 1, similarity)):
+            text = f"{what} {name}: expected {near[0]}; it is ignored"
+            launch.logging.get_logger("tactile_localizer").warning(text)
+
+
+def _sections(file: Path) -> list[str]:
+    """Names of the nodes in a parameter file, without their namespaces; none in what is no such file."""
+    try:
+        content = yaml.safe_load(file.read_text())
+    except (OSError, ValueError, yaml.YAMLError):
+        content = None
+    return [str(key).rpartition("/")[2] for key in content] if isinstance(content, dict) else []
 
 
 def failure(text: str, after_s: float = 0.0) -> TimerAction:

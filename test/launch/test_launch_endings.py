@@ -97,6 +97,18 @@ def test_a_missing_parameter_file_ends_the_launch(launch: Launch, name: str) -> 
     assert "_node-" not in launched.output
 
 
+def test_a_misspelt_name_is_warned_of(launch: Launch, place: Place) -> None:
+    file = place.folder / "mine.yaml"
+    file.write_text("/**/tactile_fliter:\n  ros__parameters: {cell: 1.0}\n/arm:\n  ros__parameters: {a: 1}\n")
+    launched = launch("localize", params_file=file, scan_file="none", pose_topc="/arm/palm_pose", arm="left")
+    launched.wait()
+    warnings = re.findall(r"\[WARNING\].*?: (.*)", launched.output)
+    assert warnings == [
+        "argument pose_topc: expected pose_topic; it is ignored",
+        f"{file}: tactile_fliter: expected tactile_filter; it is ignored",
+    ]
+
+
 BRINGUP = """
 from launch import LaunchDescription
 from launch.actions import GroupAction, IncludeLaunchDescription
