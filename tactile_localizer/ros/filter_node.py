@@ -55,7 +55,7 @@ from tactile_localizer.srv import LoadScan
 from tactile_localizer.streams.runs import NANOSECONDS
 from tactile_localizer.streams.synchronization import Pair
 
-_NUMBERS = re.compile(r"\(\d+ publishers?\)|[\d.]+")
+_NUMBERS = re.compile(r"\d+ publishers?|[\d.]+")
 _WATCH_PERIOD_S, _WATCHES_PER_STATUS = 0.1, 10
 
 

@@ -105,6 +105,19 @@ def test_topics_without_messages_are_warned_of_once(node_process, probe, scan_fi
     probe.until(lambda: hand.slide(1, poses=False) or re.search(found, node.output), "the other reason")
 
 
+def test_publishers_that_do_not_match_are_described(node_process, probe, scan_file):
+    from std_msgs.msg import String
+
+    from tactile_localizer.msg import StrainVectors
+
+    reliable = {"qos_overrides./strain.subscription.reliability": "reliable"}
+    node = node_process("filter_node", {"scan_file": scan_file, **CELL, **reliable})
+    probe.node.create_publisher(String, "palm_pose", 10)
+    probe.node.create_publisher(StrainVectors, "strain", probe.best_effort)
+    strain = r"no strain on /strain \(1 publisher, best effort, expected reliable\)"
+    node.wait_for_line(strain + r" and no palm_pose on /palm_pose \(1 publisher, of std_msgs/msg/String\)")
+
+
 SLOW_MODEL = """
 import os
 import time

@@ -218,11 +218,18 @@ class TactileInputs:
         return f"this node is behind by {wait_s:.1f} s" if wait_s > _LONG_S else ""
 
     def absence(self, topic: str) -> str:
-        """Where no message of a topic arrives: its name in the graph, and the number of its publishers."""
+        """Where no message of a topic arrives: its name in the graph, and its publishers."""
         of_tf = self._tf if topic == "palm_pose" else None
-        name = "/tf" if of_tf else self._node.resolve_topic_name(topic)
-        count = self._node.count_publishers(name)
-        text = f"no {topic} on {name} ({counted(count, 'publisher')})"
+        subscription = self._strain if topic == "strain" else self._poses[0]
+        name = self._node.resolve_topic_name(subscription.topic)
+        publishers = self._node.get_publishers_info_by_topic(name)
+        described, kind = [counted(len(publishers), "publisher")], subscription.msg_type
+        own = f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+        described += [f"of {other}" for other in sorted({each.topic_type for each in publishers} - {own})]
+        reliable = [each.qos_profile.reliability == ReliabilityPolicy.RELIABLE for each in publishers]
+        if subscription.qos_profile.reliability == ReliabilityPolicy.RELIABLE and not all(reliable):
+            described.append("best effort, expected reliable")
+        text = f"no {topic} on {name} ({', '.join(described)})"
         return f"{text}: {of_tf.problem}" if of_tf and of_tf.problem else text
 
     def sparsity(self, age_s: float) -> str:
