@@ -154,7 +154,9 @@ def _worst_sweep(evaluation: Evaluation) -> list[Section]:
     for letter, at in zip("ABCDEFGH", moments, strict=False):
         numbers = f"{travel[at]:.1f}", f"{sweep.probability[at]:.3f}", _number(error[at:])
         rows.append(("", (letter, *numbers, sweep.reason[at])))
-    caption = "The belief at four moments; darker is more probable, the red cross is the true position."
+    caption = f"The belief at {counted(len(moments), 'moment')}"
+    caption += "; darker is more probable" if sweep.scene.dimension > 1 else ""
+    caption += ", the red cross is the true position." if sweep.truth is not None else "."
     figures = [
         (svg(belief, "belief"), caption),
         (svg(progress, "progress"), "Probability and error along the sweep; dashed: the threshold."),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.errors import counted
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.reports.page import Section, file_names, html_page, versions, yaml_text
@@ -41,7 +42,7 @@ def scan_report(
         notes=found,
         tiles=[
             (f"{len(scan):,}", "pairs of position and strain"),
-            (str(len(scan.sweep_numbers)), "sweeps"),
+            tuple(counted(len(scan.sweep_numbers), "sweep").split()),
             (str(scan.layout.size), f"channels on {len(scan.phalanges)} phalanges"),
         ],
         sections=[
