@@ -118,7 +118,8 @@ def read_table(
     if n > 1 and not np.ptp(stamp_ns):
         found = f"{stamp_ns[0] * 1e-9:.6g} s in all {n} rows"
         raise ScanError(f"{path}: expected stamps that increase, found {found}")
-    notes = [f"skipped {lost} of {n + lost} rows of {path} (first: {first})"] if lost else []
+    notes = [f"skipped {lost} of {n + lost} rows of {path} (first: {first})"] * (lost > 0)
+    notes += [f"{path}: sweeps in the order of the file: {listed(cells.sweeps)}"] * bool(cells.sweeps)
     table = np.frombuffer(values).reshape(n, -1)
     with np.errstate(over="ignore", invalid="ignore"):  # these values are missing
         table *= [float(factor) for each in list(needed.values())[1:] for factor in each.factors]
@@ -146,6 +147,10 @@ class _Cells:
     header : header of the file
     needed : columns by quantity: the stamp, ``required`` ones that have to be finite, and others
     indices : places of all these columns in the header
+
+    Attributes
+    ----------
+    sweeps : numbers of the sweeps by their names, where the first of them is no number
     """
 
     def __init__(
@@ -156,6 +161,8 @@ class _Cells:
         self._stamps = len(self._stamp.names)
         self._required = self._stamps + required
         self._quantities = [name for name, each in needed.items() for _ in each.names]
+        self._are_numbered = SWEEP not in needed
+        self.sweeps: dict[str, int] = {}
 
     def read(self, row: list[str]) -> tuple[Decimal, list[float]]:
         """Read a row.
@@ -165,8 +172,11 @@ class _Cells:
         ValueError
             It cannot be read; without a reason, if it has none of the values and belongs to another series.
         """
-        with suppress(ValueError, ArithmeticError, IndexError):
-            return self._numbers([row[each] for each in self._indices])
+        if not self.sweeps:
+            with suppress(ValueError, ArithmeticError, IndexError):
+                read = self._numbers([row[each] for each in self._indices])
+                self._are_numbered = True
+                return read
         names = self._header.names
         if len(row) <= max(self._indices):
             raise ValueError(f"expected {len(names)} cells, found {len(row)}")
@@ -178,8 +188,9 @@ class _Cells:
             _plain(quantity, cell.replace(",", ".") if commas else cell)
             for quantity, cell in zip(self._quantities, cells, strict=True)
         ]
+        named = self._named_sweep(cells, plain)
         for place, text in enumerate(plain):
-            if not _is_number(text, required=place < self._required):
+            if place != named and not _is_number(text, required=place < self._required):
                 found = repr(cells[place][:40]) if cells[place] else "an empty cell"
                 if not cells[place] and self._stamps <= place < self._required:
                     found += " (positions in rows of their own? pass the file by --poses too)"
@@ -188,7 +199,18 @@ class _Cells:
                 if ":" in cells[place] and self._quantities[place] in STAMPS:
                     found += " (a date? write it like 2024-11-25 16:00:01.5)"
                 raise ValueError(f"column {names[self._indices[place]]}: expected a number, found {found}")
+        self._are_numbered = named is None
+        if named is not None:
+            plain[named] = str(self.sweeps.setdefault(cells[named], len(self.sweeps) + 1))
         return self._numbers(plain)
+
+    def _named_sweep(self, cells: Sequence[str], plain: Sequence[str]) -> int | None:
+        """Place of the sweep's name in a row; ``None`` if it has a number, or is in the column of numbers."""
+        if self._are_numbered:
+            return None
+        place = self._quantities.index(SWEEP)
+        is_number = not self.sweeps and _is_number(plain[place], required=True)
+        return None if is_number or cells[place].lower() in (*_MISSING, "nan") else place
 
     def _numbers(self, cells: Sequence[str]) -> tuple[Decimal, list[float]]:
         """Raises the exceptions of ``float`` and ``Decimal``, which take underscores and other digits too."""

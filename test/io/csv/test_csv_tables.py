@@ -102,6 +102,8 @@ ROW = ",0" + ",1" * 8 + "\n"
         ),
         (HEAD + "17e17" + ROW, r"found 1.7e\+18 \(another unit\? .* \*1e-9 for ns"),
         ("x," + HEAD, "expected one column 'x', found 2"),
+        (SWEEPS + "".join(f"run_{n % 2},{n}{ROW}" for n in range(3)), "together, found sweeps 1, 2, 1"),
+        (SWEEPS + "nan,0" + ROW, "column sweep: expected a number, found 'nan'"),
         (SWEEPS + "0.5,0" + ROW, "whole numbers in the column of the sweeps, found 0.5"),
         (SWEEPS + "-1,0" + ROW, "whole numbers in the column of the sweeps, found -1"),
         (SWEEPS + "".join(f"{n % 2},{n}{ROW}" for n in range(3)), "together, found sweeps 0, 1, 0"),
@@ -156,3 +158,22 @@ def test_long_cells_take_no_longer_than_others(tmp_path, repeated, place):
     with suppress(ScanError):
         propose_scene("own", [str(write_csv(tmp_path / "b.csv", header[:1] + header[-1:], rows))], naming)
     assert time.process_time() - begun_s < 2
+
+
+@pytest.mark.parametrize(
+    "names", [("run_a", "run_b"), ("20241125_1", "20241125_2"), ("up", "2"), ("é", "b c")]
+)
+def test_sweeps_may_have_names(tmp_path, names):
+    path = tmp_path / "a.csv"
+    path.write_text(SWEEPS + "".join(f"{names[n // 2]},{n}{ROW}" for n in range(4)))
+    recording = read_csv(path, LINE)
+    assert [sweep.stamp_ns.tolist() for sweep in recording.sweeps] == [[0, 10**9], [2 * 10**9, 3 * 10**9]]
+    assert f"{path}: sweeps in the order of the file: {', '.join(names)}" in recording.notes
+
+
+def test_a_name_among_numbers_of_sweeps_is_no_sweep(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(SWEEPS + "".join(f"{name},{n}{ROW}" for n, name in enumerate(("7", "7", "x"))))
+    recording = read_csv(path, LINE)
+    assert [len(sweep) for sweep in recording.sweeps] == [2]
+    assert "column sweep: expected a number, found 'x'" in " ".join(recording.notes)
