@@ -13,6 +13,7 @@ import keyword
 import os
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 from typing import Any, NoReturn
 
 from tactile_localizer import __version__
@@ -61,6 +62,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     # With BLAS threads, updates of small matrices take ten times longer on a busy machine.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    for stream in (sys.stdout, sys.stderr):  # a terminal may lack a character, such as that of µs
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
         if "_ARGCOMPLETE" in os.environ:
             _complete()

@@ -79,6 +79,16 @@ def test_every_subcommand_explains_itself(capsys: pytest.CaptureFixture) -> None
         assert f"tactile-localizer {name}" in capsys.readouterr().out
 
 
+def test_a_terminal_may_lack_characters(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "tactile_localizer", "scan", "info", str(tmp_path / "µ\u2014a_scan")]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    ended = subprocess.run(command, capture_output=True, env=environment, check=False)
+    assert ended.returncode == 2
+    assert ended.stderr.endswith(
+        rb"/\xb5\u2014a_scan: expected a scan folder, found none (with a scene.yaml)" + b"\n"
+    )
+
+
 def test_a_closed_pipe_ends_the_command_quietly() -> None:
     program = (
         "import sys, types; from tactile_localizer import cli\n"
