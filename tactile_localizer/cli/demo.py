@@ -17,6 +17,7 @@ from tactile_localizer.cli.recordings import add_seed_argument
 from tactile_localizer.errors import LiveError, ParameterError
 from tactile_localizer.io.whole_file import is_result, open_file, writing
 from tactile_localizer.offline.json_file import write_json
+from tactile_localizer.quantity import whole_number
 from tactile_localizer.sim.material import SIMULATED_FEATURES
 
 _FOLDERS = ("scan", "bag", "log")
@@ -54,10 +55,12 @@ def run(args: argparse.Namespace) -> int:
     LiveError
         A node failed, or a frame, a strain vector or a sweep was lost.
     ParameterError
-        The folder has a scan, a bag or logs with a file that no earlier demo left there as it is.
+        There is no sweep to localize, or the folder has a scan, a bag or logs with a file that no earlier
+        demo left there as it is.
     ScanError
         A file cannot be written or removed.
     """
+    whole_number(args.sweeps, "--sweeps", lower=1)
     figures, picture = args.out / "replay.json", args.out / "replay.png"
     require_writable(figures, args)
     require_picture(picture, args)

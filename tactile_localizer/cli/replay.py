@@ -31,7 +31,6 @@ from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.metrics import with_contact
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.offline.replay_document import Evaluation, replay_document
-from tactile_localizer.offline.verdict import judge
 from tactile_localizer.scene import Scene
 
 
@@ -70,7 +69,7 @@ def _replay(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]) -
     evaluation = Evaluation(
         args.scan, scan, scene, configuration, calibration, localizer, recording, odometry, args.seed, sweeps
     )
-    verdict, document = judge(sweeps), replay_document(evaluation)
+    verdict, document = evaluation.verdict, replay_document(evaluation)
     write(document)
     if args.plot is not None:
         from tactile_localizer.offline.figures.replay import replay_figure

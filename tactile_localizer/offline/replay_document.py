@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.axes import MM, describe_sizes
 from tactile_localizer.offline.metrics import position_error, summarize, timing, yaw_error
 from tactile_localizer.offline.replay import ReplayedSweep
-from tactile_localizer.offline.verdict import judge
+from tactile_localizer.offline.verdict import Verdict, judge
 from tactile_localizer.scene import Scene
 
 
@@ -49,6 +50,11 @@ class Evaluation:
     seed: int
     sweeps: Sequence[ReplayedSweep]
 
+    @cached_property
+    def verdict(self) -> Verdict:
+        """The verdict on the sweeps."""
+        return judge(self.sweeps)
+
 
 def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) -> dict[str, str]:
     """What was learned from a scan, by name, with units; the noise is in the unit of the scan's strain."""
@@ -66,7 +72,7 @@ def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) 
 
 def replay_document(evaluation: Evaluation) -> dict[str, Any]:
     """JSON document of a replay; all but ``timing`` is reproducible for a seed."""
-    verdict = judge(evaluation.sweeps)
+    verdict = evaluation.verdict
     summary = {
         "scene": evaluation.scene.name,
         "odometry": evaluation.odometry,

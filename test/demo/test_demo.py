@@ -260,3 +260,11 @@ def test_a_lost_frame_is_no_success(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(demo, "main", lambda _: 0)
     assert main(["demo", "--out", str(tmp_path)]) == 2
     assert "expected every frame in the bag, 3 were lost" in capsys.readouterr().err
+
+
+def test_a_demo_without_a_sweep_is_refused_before_the_scan(tmp_path, capsys):
+    from tactile_localizer.cli import main
+
+    assert main(["demo", "--sweeps", "0", "--out", str(tmp_path / "demo")]) == 2
+    assert capsys.readouterr().err == "error: --sweeps: expected at least 1, got 0\n"
+    assert not (tmp_path / "demo").exists()

@@ -52,7 +52,7 @@ def replay_report(evaluation: Evaluation, document: Mapping[str, Any], notes: Se
     document : what :func:`~.replay_document.replay_document` made of it
     notes : lines about the recording that need attention
     """
-    verdict, examination = judge(evaluation.sweeps), evaluation.calibration.examination
+    verdict, examination = evaluation.verdict, evaluation.calibration.examination
     explained = "The true positions are unknown, so a sweep that converged may be wrong."
     if verdict.has_truth:
         radius = describe_sizes(evaluation.scene, evaluation.localizer.criteria.radius)
