@@ -53,12 +53,16 @@ def make_localizer(
 
     Raises
     ------
+    ScanError
+        ``scan_file`` is no scan.
     SceneError
         The scene and the scan are inconsistent.
     ParameterError
         A parameter is out of range.
     """
-    calibration = None if scan_file is None else learned_calibration(scan_file, scan, scene)
+    calibration = None
+    if scan_file is not None:
+        calibration = learned_calibration(ScanFolder(scan_file).path, scan, scene)
     rng = np.random.default_rng(whole_number(seed, "seed", lower=0))
     return build_localizer(scan, scene, configuration or Configuration(), rng, calibration=calibration)
 

@@ -92,7 +92,8 @@ def test_the_package_docstring_shows_the_same_example():
 
 def localizer(recorded, **options):
     scan, scene = tactile_localizer.load_scan(recorded / "bump_scan")
-    return tactile_localizer.make_localizer(scan, scene, scan_file=recorded / "bump_scan", **options)
+    kept = {"scan_file": recorded / "bump_scan"} | options
+    return tactile_localizer.make_localizer(scan, scene, **kept)
 
 
 def build(recorded, **choices):
@@ -112,6 +113,10 @@ def update(recorded, stamp_ns=0, position=(0.01, 0.01), strain=(0.0,) * 16):
         ),
         (lambda folder: build(folder, model="os:Hill"), "'os:Hill': expected a class Hill in os, found None"),
         (lambda folder: build(folder, model="none:Model"), "model 'none:Model': .*PYTHONPATH"),
+        (
+            lambda folder: localizer(folder, scan_file=folder / "bmup_scan"),
+            "bmup_scan: expected a scan",
+        ),
         (lambda folder: localizer(folder, seed=-1), "seed: expected at least 0, got -1"),
         (lambda folder: Configuration(particles="5"), "particles: expected a .*number, got '5'"),
         (lambda folder: tactile_localizer.load_scan("x" * 300), "expected a scan folder, found none"),
