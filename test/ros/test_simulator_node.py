@@ -159,9 +159,9 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
     paused = np.diff(stamps_ns) > 0.2e9
     moved = np.linalg.norm(np.diff(xy(hand.poses[first:]), axis=0), axis=1)
     last = np.flatnonzero(moved)[-1]  # before the end of the sweep
-    # It moves 34 µm between two samples, and would move 3 mm in a pause. Not in every pause, because poses
-    # can be lost on their way to a subscriber that gets no CPU.
-    assert np.min(moved[:last][paused[:last]]) < 50e-6, "a hand that waits does not move"
+    # It moves 0.34 mm between two poses, however late they are, and would move 3 mm in a pause. Not in every
+    # pause, because poses can be lost on their way to a subscriber that gets no CPU.
+    assert np.min(moved[:last][paused[:last]]) < 1e-3, "a hand that waits does not move"
 
 
 def test_cycles_that_a_driver_lost_do_not_hold_the_hand_up_for_ever(start, frames, probe):
