@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.core.calibration.examination import Examination, Outcome, by_chance
-from tactile_localizer.errors import listed
+from tactile_localizer.errors import counted, listed
 from tactile_localizer.offline.axes import MM, describe_sizes
 from tactile_localizer.scene import Scene
 
@@ -26,7 +26,7 @@ def describe_examination(scene: Scene, examination: Examination) -> list[str]:
         return []
     never = sum(not each.converged for each in on_map)
     lines = [
-        f"{len(on_map)} trials of {_sweeps(on_map)} held-out sweeps: "
+        f"{len(on_map)} trials of {counted(_sweeps(on_map), 'held-out sweep')}: "
         f"{sum(each.right for each in on_map)} right at the end, "
         f"{sum(each.wrong for each in on_map)} ever wrong, {never} never converged"
     ]

@@ -251,15 +251,21 @@ def _trials_off_map(
         localizer = build(model.part(kept), surroundings(tracks.scene, tracks.positions[kept]))
         for which, of_side in _turns(len(sweeps)):
             rows = np.flatnonzero((sweeps[which].positions[:, along] > middle) != bool(side))
-            if of_side == side:
+            if of_side == side and len(rows):
                 part = _part(sweeps[which], rows, rng.uniform(0.0, 0.5), tracks.scene)
                 if len(part.positions) >= _LEAST_STRAINS:
                     yield _Trial(part, False, localizer)
 
 
 def _part(sweep: _HeldOut, rows: np.ndarray, begin: float, scene: Scene) -> _HeldOut:
-    """At most :data:`_LONGEST` metres of a sweep: of ``rows`` (n,), those after the fraction ``begin``."""
-    rows = rows[int(begin * len(rows)) :]
+    """At most :data:`_LONGEST` metres of a sweep: of ``rows`` (n,), those after a part ``begin`` of the way.
+
+    A hand that rests, as after a sweep until it is ended, is on no way.
+    """
+    motion, positions = MotionModel(scene), sweep.positions[rows]
+    farthest = np.maximum.accumulate(motion.travels(motion.displacement(positions[0], positions)))
+    on_the_way = np.flatnonzero(np.diff(farthest, prepend=-1.0) > 0.0)
+    rows = rows[on_the_way[int(begin * len(on_the_way))] :]
     rows = rows[_travels(sweep.positions[rows], scene).cumsum() <= _LONGEST]
     return _HeldOut(sweep.number, sweep.positions[rows], sweep.strain[rows])
 
@@ -287,7 +293,7 @@ def _localize(trial: _Trial, information_length: float) -> Outcome:
     steps = rng.standard_normal(positions.shape) * scene.motion_std
     odometry = positions + np.cumsum(steps * np.sqrt(_travels(positions, scene))[:, None], axis=0)
     score: list[float] = []
-    along: list[np.ndarray] = []
+    along: list[tuple[float, np.ndarray]] = []
     spread, updates = np.full(scene.dimension, np.inf), 0
     right = wrong = converged = False
     away = np.zeros(scene.dimension)
@@ -301,11 +307,12 @@ def _localize(trial: _Trial, information_length: float) -> Outcome:
         if estimate.updated and updates % _EACH == 0:
             score.append(math.log(max(_probability(trial, positions[row]), _LEAST_PROBABILITY)))
             spread = np.minimum(spread, np.sqrt(estimate.covariance.diagonal()))
-            if trial.on_map and 2 * row >= len(positions):
-                along.append(_along_axes(localizer, positions[row]))
+            if trial.on_map:
+                along.append((estimate.travel, _along_axes(localizer, positions[row])))
+    second_half = [axes for travel, axes in along if 2.0 * travel >= estimate.travel]
     axes = (
-        np.mean(along, axis=0)
-        if along
+        np.mean(second_half, axis=0)
+        if second_half
         else np.log(np.full(scene.dimension * trial.on_map, _LEAST_PROBABILITY))
     )
     return Outcome(

@@ -55,6 +55,22 @@ def test_where_places_cannot_be_distinguished_none_is_claimed(examined: tuple[fl
     assert right > 0.5 * len(examination.on_map) if slope else right == 0
 
 
+def test_a_hand_may_rest_in_the_sweeps_of_a_scan() -> None:
+    """At the begin or at the end, for longer than it slides, with an arm whose position trembles."""
+    rng, slid = np.random.default_rng(1), scan(0.15)
+    rows = []
+    for number in slid.sweep_numbers:
+        own = np.flatnonzero(slid.sweep == number)
+        rest = np.full(2 * len(own), own[-1 if number % 2 else 0])
+        rows += [own, rest] if number % 2 else [rest, own]
+    row = np.concatenate(rows)
+    states = slid.states[row] + 1e-5 * rng.standard_normal((len(row), 2))
+    strain = slid.strain[row] + rng.standard_normal((len(row), 8))
+    resting = learn(replace(slid, states=states, strain=strain, sweep=slid.sweep[row]), SHEET).examination
+    assert (resting.observed > 0.5).all()
+    assert sum(each.right for each in resting.on_map) > 0.5 * len(resting.on_map)
+
+
 def test_the_score_is_beside_that_of_ignorance(examined: tuple[float, Examination]) -> None:
     slope, examination = examined
     area = np.pi * 0.0075**2 / np.prod(SHEET.extent + 0.0)
