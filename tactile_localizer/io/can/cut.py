@@ -206,9 +206,15 @@ class CycleCut:
         return (samples > 1 or was_passed) and self._is_behind(pace, stamp_ns)
 
     def _is_misplaced(self) -> bool:
-        """Whether cycles should begin elsewhere: the gap before another message has been larger."""
-        is_larger = self._gap_ns > _LARGER * self._gaps_ns[-1]
-        return is_larger and min(self._behind.gaps_ns) > _LARGER * max(self._gaps_ns)
+        """Whether cycles should begin elsewhere: the gap before another message has been larger.
+
+        Cycles that a sender sends at once, after it was put aside, have gaps of no meaning.
+        """
+        if self._gap_ns <= _LARGER * self._gaps_ns[-1]:
+            return False
+        period_ns = min((pace.period_ns for pace in self.paces if pace.measured >= _EACH), default=0.0)
+        are_in_time = 2.0 * max(self._durations_ns) > period_ns
+        return are_in_time and min(self._behind.gaps_ns) > _LARGER * max(self._gaps_ns)
 
     def _is_first(self, pace: Pace) -> bool:
         """Whether a frame is that which is waited for: by default, of the message behind the largest gap."""

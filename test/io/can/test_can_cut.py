@@ -48,6 +48,16 @@ def test_a_delay_of_the_whole_bus_does_not_change_the_cycles(delay_ms: float) ->
     assert begins == [held[3 * n] for n in range(1, 60)]
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_sender_that_catches_up_does_not_change_the_cycles(seed: int) -> None:
+    """It was put aside for ten cycles, and sends them at once, with whatever gaps between the frames."""
+    frames = bursts(10.0 * np.arange(60))
+    gaps = np.random.default_rng(seed).uniform(0.02, 0.1, (10, 3)) * [1.0, 1.0, 6.0]
+    late = 400.0 + gaps.cumsum().ravel()
+    sent = [(k, late[n - 90] if 90 <= n < 120 else t) for n, (k, t) in enumerate(frames)]
+    assert first_frames(CycleCut(3, 0), sent) == [sent[3 * n] for n in range(1, 60)]
+
+
 def test_a_cycle_whose_first_frame_is_lost_does_not_take_those_of_the_next() -> None:
     lost = [(20, 0), (40, 0), (41, 0), (50, 1)]
     begins = first_frames(CycleCut(3, 0), bursts(10.0 * np.arange(60), lost))
