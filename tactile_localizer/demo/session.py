@@ -38,7 +38,7 @@ SCAN_SWEEPS = 2 * TRAINING_SWEEPS
 """Number of training sweeps: two along each line, so that the noise between sweeps can be learned."""
 
 _TIMEOUT_S = 300.0
-"""Longest time without a report of progress, s: in a start, a sweep, the loading of the scan."""
+"""Time limit for a start, a sweep or loading the scan, counted from the last report of progress, s."""
 _POLL_S = 0.02
 _SLOWER = ((2.0, 16.0), (0.1, 4.0))
 """Age on receipt of a message, s, from which the hand is slowed down, and by how much."""

@@ -11,8 +11,8 @@ PARAMETERS = (
     Parameter(
         "gauge_signals",
         list(GAUGE_SIGNALS),
-        "DBC signals of the channels of a phalanx, in order, as SIGNAL or MESSAGE.SIGNAL; "
-        "{phalanx} stands for its name",
+        "DBC signals of a phalanx's channels, in order, each SIGNAL or MESSAGE.SIGNAL; "
+        "{phalanx} is replaced by its name",
     ),
     Parameter("counter_signal", "counter", "DBC signal of the rolling counter, if the DBC has one"),
     Parameter("status_signal", "status", "DBC signal of the load cell status, if the DBC has one"),

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.ros
 @pytest.mark.parametrize("name", ["adapter", "driver", "filter", "mapping", "simulator"])
 def test_an_interrupt_during_the_imports_is_no_crash(process: Callable[..., Any], name: str) -> None:
     for package in ("numpy", "rclpy"):
-        node = process(node_command(f"{name}_node", {"autostart": False}))  # and thus no end of its own
+        node = process(node_command(f"{name}_node", {"autostart": False}))  # runs until it is interrupted
         wait_for_import(node.pid, package)
         assert node.stop() == 0
         assert "Traceback" not in node.output

@@ -50,7 +50,7 @@ class MapFigures:
     def channels(
         self, columns: int = COLUMNS, size_in: float = SIZE_IN, most_channels: int = MAX_CHANNELS
     ) -> dict[str, Figure]:
-        """A figure of each phalanx, by the name of its file without extension, ``map_<phalanx>``.
+        """One figure per phalanx; its key, ``map_<phalanx>``, is the file name without extension.
 
         It has all channels of the phalanx, or those that vary most. On one axis it shows
         every sweep, and the map in black; on two, the paths of the sweeps, and the map in one colour scale.
