@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import platform
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -14,14 +16,26 @@ import numpy as np
 import scipy
 import yaml
 from markupsafe import Markup
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from tactile_localizer import __version__
 from tactile_localizer.io.whole_file import RESULT
-from tactile_localizer.offline.figures.svg import inline_svg
 
 WIDTH_IN = 4.7
 """Width of a figure, inches: two beside each other on a desk, one at nearly its size on a telephone."""
+_TEXT_PT = 8.0
+"""Size of the text of figures, points."""
+_STYLE: dict[Any, Any] = {
+    "font.size": _TEXT_PT,
+    "axes.titlesize": _TEXT_PT,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "0.5",
+    "svg.fonttype": "none",  # text stays text: it can be searched, and is drawn with the reader's font
+}
+page_style = rc_context(_STYLE)
+"""Decorator of a function that makes a page, with matplotlib's settings for the figures in it."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +46,7 @@ class Section:
     ----------
     title : heading
     lines : paragraphs
-    figures : SVG elements with their captions
+    figures : figures with their captions, which differ from those of all others of the page
     columns : headings of the table; empty: none
     numbers : those of them whose cells are numbers
     rows : ``good``, ``bad`` or ``""``, and the cells of a row, the first its heading
@@ -42,7 +56,7 @@ class Section:
 
     title: str
     lines: Sequence[str] = ()
-    figures: Sequence[tuple[Markup, str]] = ()
+    figures: Sequence[tuple[Figure, str]] = ()
     columns: Sequence[str] = ()
     numbers: Sequence[str] = ()
     rows: Sequence[tuple[str, Sequence[str]]] = ()
@@ -59,6 +73,7 @@ def html_page(**values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["svg"] = _svg
     made = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
     return environment.get_template("report.html").render(values, mark=RESULT, version=__version__, made=made)
 
@@ -69,9 +84,15 @@ def versions() -> list[tuple[str, tuple[str, str]]]:
     return [("", ("tactile_localizer", __version__)), ("", ("with", f"{libraries}, {platform.system()}"))]
 
 
-def svg(figure: Figure, name: str) -> Markup:
-    """A figure as part of a page; ``name`` distinguishes it from the others of the page."""
-    return Markup(inline_svg(figure, name))
+def _svg(figure: Figure, caption: str) -> Markup:
+    """An SVG element, the same for the same figure; clip paths and markers are named by the caption."""
+    drawn = io.StringIO()
+    with rc_context({"svg.hashsalt": caption}):
+        figure.savefig(drawn, format="svg", metadata={"Date": None, "Creator": None}, dpi=150)
+    element = drawn.getvalue()
+    element = element[element.index("<svg ") :]
+    element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
+    return Markup(re.sub(r'<g id="[^"]*"', "<g", element))
 
 
 def sentence(text: str) -> str:

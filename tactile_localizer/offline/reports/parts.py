@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
-
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import listed
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.offline.examination import describe_examination
 from tactile_localizer.offline.figures.examination import held_out_figure, score_figure
-from tactile_localizer.offline.figures.svg import PAGE_STYLE
 from tactile_localizer.offline.figures.tactile_map import MapFigures
-from tactile_localizer.offline.reports.page import WIDTH_IN, Section, sentence, svg
+from tactile_localizer.offline.reports.page import WIDTH_IN, Section, sentence
 from tactile_localizer.scene import Scene
 
 _MAP_COLUMNS = 3
@@ -33,14 +30,12 @@ def examination_sections(examination: Examination, scene: Scene, found: Sequence
     """
     if not examination.on_map:
         return []
-    with mpl.rc_context(PAGE_STYLE):
-        errors = held_out_figure(examination, scene, (WIDTH_IN, 0.8 * WIDTH_IN))
-        scores = score_figure(examination, (WIDTH_IN, 0.8 * WIDTH_IN))
+    size_in = WIDTH_IN, 0.8 * WIDTH_IN
     purpose = "Sweeps of the scan were left out of the map and localized on it, as an unseen one will be"
     lines = [purpose, *describe_examination(scene, examination), *found]
     figures = [
-        (svg(errors, "held_out"), "Error at the end of each held-out sweep."),
-        (svg(scores, "scores"), "Logarithm of the probability that the truth is given."),
+        (held_out_figure(examination, scene, size_in), "Error at the end of each held-out sweep."),
+        (score_figure(examination, size_in), "Logarithm of the probability that the truth is given."),
     ]
     return [Section("The examination of the scan", [f"{sentence(line)}." for line in lines], figures)]
 
@@ -48,19 +43,16 @@ def examination_sections(examination: Examination, scene: Scene, found: Sequence
 def map_section(scan: Scan, scene: Scene, recording: Recording) -> Section:
     """What the scan holds: the signal of each phalanx, and folded each channel."""
     unit = recording.sweeps[0].strain_unit if recording.sweeps else "V"
-    with mpl.rc_context(PAGE_STYLE):
-        figures = MapFigures(scan, scene, unit)
-        signals = figures.signals((WIDTH_IN, 0.85 * WIDTH_IN))
-        channels = figures.channels(_MAP_COLUMNS, WIDTH_IN / _MAP_COLUMNS, _CHANNELS)
-    each = [
-        (svg(figure, name), f"{name.removeprefix('map_')}, by channel") for name, figure in channels.items()
-    ]
+    figures = MapFigures(scan, scene, unit)
+    signals = figures.signals((WIDTH_IN, 0.85 * WIDTH_IN))
+    channels = figures.channels(_MAP_COLUMNS, WIDTH_IN / _MAP_COLUMNS, _CHANNELS)
+    each = [(figure, f"{name.removeprefix('map_')}, by channel") for name, figure in channels.items()]
     return Section(
         "The map",
         lines=[
             "Signal: strain minus that of featureless material, root mean square over the channels. "
             "Where two places have the same strain, touch alone cannot tell them apart."
         ],
-        figures=[(svg(figure, name), name.replace("_", " of ", 1)) for name, figure in signals.items()],
+        figures=[(figure, name.replace("_", " of ", 1)) for name, figure in signals.items()],
         folded=[Section(f"Each channel of {listed(scan.phalanges)}", figures=each)],
     )

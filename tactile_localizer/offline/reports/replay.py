@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 
 from tactile_localizer.core.localizer import Localizer
@@ -18,7 +17,6 @@ from tactile_localizer.offline.axes import MM, describe_sizes
 from tactile_localizer.offline.examination import examination_findings
 from tactile_localizer.offline.figures.belief import belief_figure, progress_figure
 from tactile_localizer.offline.figures.replay import paths_figure, replay_figure
-from tactile_localizer.offline.figures.svg import PAGE_STYLE
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.offline.replay_document import Evaluation
@@ -27,8 +25,8 @@ from tactile_localizer.offline.reports.page import (
     Section,
     file_names,
     html_page,
+    page_style,
     sentence,
-    svg,
     versions,
     yaml_text,
 )
@@ -43,6 +41,7 @@ _QUALITY = {Outcome.RIGHT: "good", Outcome.NO_CONTACT: ""}
 """Classes of the rows of sweeps; others are bad."""
 
 
+@page_style
 def replay_report(evaluation: Evaluation, document: Mapping[str, Any], notes: Sequence[str]) -> str:
     """The report of a replay, HTML; it localizes the worst sweep again.
 
@@ -103,9 +102,6 @@ def _sweeps(sweeps: Sequence[ReplayedSweep]) -> list[Section]:
     """Error along the sweeps, where they converge, and a row for each; none without sweeps."""
     if not sweeps:
         return []
-    with mpl.rc_context(PAGE_STYLE):
-        errors = replay_figure(sweeps, (WIDTH_IN, WIDTH_IN))
-        paths = paths_figure(sweeps, (WIDTH_IN, WIDTH_IN))
     columns = (
         "sweep",
         "outcome",
@@ -124,9 +120,10 @@ def _sweeps(sweeps: Sequence[ReplayedSweep]) -> list[Section]:
         name = "converged" if found is Outcome.RIGHT and sweep.truth is None else found.value
         rows.append((_QUALITY.get(found, "bad"), (str(sweep.number), name, *numbers, reason)))
     table = Section(f"{counted(len(rows), 'sweep')}", columns=columns, numbers=columns[2:5], rows=rows)
+    size_in = WIDTH_IN, WIDTH_IN
     figures = [
-        (svg(errors, "error"), "Error, and what the estimate says of it, along each sweep."),
-        (svg(paths, "paths"), "Where the palm was, and what the estimate claimed there."),
+        (replay_figure(sweeps, size_in), "Error, and what the estimate says of it, along each sweep."),
+        (paths_figure(sweeps, size_in), "Where the palm was, and what the estimate claimed there."),
     ]
     return [Section("Error along the sweeps", figures=figures, folded=[table])]
 
@@ -139,9 +136,6 @@ def _worst_sweep(evaluation: Evaluation) -> list[Section]:
     sweep = evaluation.sweeps[worst]
     moments = _moments(sweep)
     beliefs = _beliefs(evaluation.localizer, evaluation.recording.sweeps[worst], sweep.row[moments].tolist())
-    with mpl.rc_context(PAGE_STYLE):
-        belief = belief_figure(sweep, moments, beliefs, (WIDTH_IN, WIDTH_IN))
-        progress = progress_figure(sweep, moments, (WIDTH_IN, 0.8 * WIDTH_IN))
     what = f"sweep {sweep.number} did not converge, and did not have to"
     if sweep.converged.any():
         what = f"sweep {sweep.number} converged after the longest travel"
@@ -158,8 +152,11 @@ def _worst_sweep(evaluation: Evaluation) -> list[Section]:
     caption += "; darker is more probable" if sweep.scene.dimension > 1 else ""
     caption += ", the red cross is the true position." if sweep.truth is not None else "."
     figures = [
-        (svg(belief, "belief"), caption),
-        (svg(progress, "progress"), "Probability and error along the sweep; dashed: the threshold."),
+        (belief_figure(sweep, moments, beliefs, (WIDTH_IN, WIDTH_IN)), caption),
+        (
+            progress_figure(sweep, moments, (WIDTH_IN, 0.8 * WIDTH_IN)),
+            "Probability and error along the sweep; dashed: the threshold.",
+        ),
     ]
     return [Section("The worst sweep", lines, figures, columns, columns[1:4], rows)]
 

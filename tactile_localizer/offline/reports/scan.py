@@ -9,11 +9,19 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import counted
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scene_file import scene_to_dict
-from tactile_localizer.offline.reports.page import Section, file_names, html_page, versions, yaml_text
+from tactile_localizer.offline.reports.page import (
+    Section,
+    file_names,
+    html_page,
+    page_style,
+    versions,
+    yaml_text,
+)
 from tactile_localizer.offline.reports.parts import examination_sections, map_section
 from tactile_localizer.scene import Scene
 
 
+@page_style
 def scan_report(
     scan_name: str,
     scan: Scan,
