@@ -16,8 +16,6 @@ Layers, lowest first: :mod:`~tactile_localizer.core` (numpy and scipy only), the
 imports rclpy) and :mod:`~tactile_localizer.cli`. No layer imports one that comes after it.
 """
 
-from __future__ import annotations
-
 import importlib
 import re
 from pkgutil import extend_path

@@ -1,7 +1,5 @@
 """Functions for use of the package as a library: load a scan, make a localizer, read recordings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

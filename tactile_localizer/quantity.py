@@ -3,8 +3,6 @@
 Booleans, text and NaN are rejected; so is infinity, unless it is explicitly allowed.
 """
 
-from __future__ import annotations
-
 import math
 import reprlib
 from numbers import Real

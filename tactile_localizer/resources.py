@@ -1,7 +1,5 @@
 """Paths of the files that come with the package: scenes, parameters, CAN databases, messages."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 :mod:`tactile_localizer.io.scene_file` reads and writes scenes as YAML.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

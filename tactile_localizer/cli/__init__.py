@@ -5,8 +5,6 @@
 ``add_arguments(parser)`` and ``run(args) -> int``.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import keyword

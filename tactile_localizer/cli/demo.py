@@ -1,7 +1,5 @@
 """``tactile-localizer demo``: scan a simulated feature and localize on it, with all nodes running."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

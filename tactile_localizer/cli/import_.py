@@ -1,7 +1,5 @@
 """``tactile-localizer import``: make a scan from CSV files, bags or CAN logs."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Command-line options for recordings and scans, and the seed."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """``tactile-localizer replay``: localize the palm in a recording, without ROS."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from functools import partial

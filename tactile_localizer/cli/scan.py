@@ -1,7 +1,5 @@
 """``tactile-localizer scan``: describe and plot a scan."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``tactile-localizer simulate``: recordings of the simulated hand."""
 
-from __future__ import annotations
-
 import argparse
 from functools import partial
 from pathlib import Path

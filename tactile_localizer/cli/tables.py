@@ -1,7 +1,5 @@
 """Printing of tables to the terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 

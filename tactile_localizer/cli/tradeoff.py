@@ -1,7 +1,5 @@
 """``tactile-localizer tradeoff``: measure accuracy against computing time, and choose a configuration."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Installed nodes as processes in a ROS domain of their own, for the demonstration and for tests."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

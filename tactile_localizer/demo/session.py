@@ -1,7 +1,5 @@
 """A session of all nodes, recorded in a bag: training sweeps, then sweeps to localize."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import threading

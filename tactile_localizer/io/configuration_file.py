@@ -6,8 +6,6 @@ A file contains the values that differ from the defaults::
     particles: 75
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Confinement of paths from service requests to a directory chosen by the operator."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tactile_localizer.errors import ScanError

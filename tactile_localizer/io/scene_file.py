@@ -1,7 +1,5 @@
 """Reading and writing scenes in YAML, with error messages that name the entry."""
 
-from __future__ import annotations
-
 import math
 import reprlib
 from collections.abc import Mapping

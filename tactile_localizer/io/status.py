@@ -1,7 +1,5 @@
 """Status bits of a phalanx in one sample, as in ``StrainVectors.msg``."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout

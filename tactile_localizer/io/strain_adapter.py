@@ -17,8 +17,6 @@ One entry per phalanx; each message of the first phalanx gives one strain vector
 The stamp is that of the header, or the time of receipt. Values that are not finite are missing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Strain of a scene's phalanges from ``StrainVectors`` messages, received by rclpy or read by rosbags."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

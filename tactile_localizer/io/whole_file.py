@@ -3,8 +3,6 @@
 A command replaces only what :func:`is_result`; recordings, scans and everything else of the user's stay.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ PyYAML follows YAML 1.1, in which ``3e-3`` is a string and the last of two equal
 number, and keys are unique. Aliases, which could expand without limit, are refused.
 """
 
-from __future__ import annotations
-
 import re
 import reprlib
 from collections.abc import Callable, Hashable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Display units of figures and tables: mm, degrees for yaw."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactile_localizer.scene import Scene

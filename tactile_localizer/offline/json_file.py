@@ -1,7 +1,5 @@
 """JSON files of results, with arrays as lists and numbers that are not finite as null."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

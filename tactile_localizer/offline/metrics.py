@@ -1,7 +1,5 @@
 """Metrics of a replay: error, coverage of the 95 % region, convergence, computing time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

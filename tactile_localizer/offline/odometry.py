@@ -1,7 +1,5 @@
 """Odometry for recordings of the palm's true positions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

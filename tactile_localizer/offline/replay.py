@@ -4,8 +4,6 @@ The localizer receives stamps, positions and strain as it does live, and starts 
 prior.
 """
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Callable, Sequence

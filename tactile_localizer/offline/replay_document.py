@@ -1,7 +1,5 @@
 """JSON document of a replay: summary, settings, what was learned, and every update."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property

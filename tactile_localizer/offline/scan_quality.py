@@ -3,8 +3,6 @@
 The thresholds are judgement, each with its reason; the user decides what to do about a finding.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The verdict of a replay: one definition of success for the commands, the demo and the benchmarks."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

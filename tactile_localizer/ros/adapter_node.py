@@ -4,8 +4,6 @@ A YAML file maps message fields to strain; see ``docs/sensors.md``. Publishes ``
 ``/diagnostics`` with the rate of each sensor topic and the messages that could not be used.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections import Counter
 from functools import partial

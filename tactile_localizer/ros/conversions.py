@@ -1,7 +1,5 @@
 """Values of ROS messages: time stamps, and the content of strain vectors."""
 
-from __future__ import annotations
-
 from array import array
 
 import numpy as np

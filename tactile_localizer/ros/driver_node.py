@@ -6,8 +6,6 @@ Services: ``~/tare`` and ``~/clear_tare``.
 Strain is published from the receive thread, to avoid the latency of the executor.
 """
 
-from __future__ import annotations
-
 import os
 from functools import partial
 from pathlib import Path

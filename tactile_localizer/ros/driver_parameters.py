@@ -1,7 +1,5 @@
 """Parameters of the driver node."""
 
-from __future__ import annotations
-
 from tactile_localizer.io.can.layout import GAUGE_SIGNALS
 from tactile_localizer.ros.base.parameters import Parameter
 

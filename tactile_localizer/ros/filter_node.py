@@ -8,8 +8,6 @@ Publishes ``~/posterior`` for each strain vector, with ``~/pose`` and ``~/conver
 If strain or poses stop, the last estimate is repeated and marked as stale; it is never extrapolated.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Parameters of the filter node: the configuration of the localizer, and those of the node itself."""
 
-from __future__ import annotations
-
 from tactile_localizer.core.configuration import FILTERS, RANGES, SWEEP_MIXTURE, Configuration
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
 from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, SYNCHRONIZATION

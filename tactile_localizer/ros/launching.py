@@ -5,8 +5,6 @@ the same description (ros2/launch, issue 747). So a launch file declares all arg
 starts before the arguments of all its nodes are known to be valid.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path

@@ -5,8 +5,6 @@ Publishes ``~/status`` and ``~/map`` (latched) and ``/diagnostics`` at 1 Hz. ``~
 the scan examines itself, and the log says what it is good for.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Parameters of the mapping node."""
 
-from __future__ import annotations
-
 from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, SYNCHRONIZATION
 from tactile_localizer.streams.coverage import SWEEP_DISTANCE_M

@@ -1,7 +1,5 @@
 """Localization on a stream of strain vectors with palm positions, with counts of unusable ones."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter, deque
 from collections.abc import Sequence

@@ -5,8 +5,6 @@ the fingers; ``~/sweep`` starts the motion. After a sweep the fingers stay close
 prepared, so that a recorder has time to stop.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 

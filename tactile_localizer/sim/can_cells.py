@@ -1,7 +1,5 @@
 """Simulated load cells on a CAN bus: sends strain voltages as frames, with optional faults."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ each position the lift of the cap follows from the balance of forces, and the pr
 the centre of pressure, the mean slope and the mean friction. The stiffness of the material acts in series.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import NamedTuple
 

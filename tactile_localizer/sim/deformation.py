@@ -5,8 +5,6 @@ deformation event, and is mostly flattened as the pad passes the middle of the f
 several trajectories on the first part of the feature, fewer on the second).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ the torque loop is finite: when a feature lifts a finger, its force overshoots, 
 of a second, and disturbs the other finger through the thumb.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ calibrated. A sensor with a different number of channels is affine in the wrench
 direction for each channel.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

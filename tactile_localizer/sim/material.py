@@ -5,8 +5,6 @@ differently in each sweep: it is in one of several deformation modes (paper, Sec
 with its own fields.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ Sec. II-A). The arm's kinematics do not measure this, so the error of the report
 walk. In a training scan the material is fixtured and moves less.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

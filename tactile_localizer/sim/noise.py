@@ -1,7 +1,5 @@
 """Stationary random processes with unit variance, and independent generators from one seed."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import solve_banded
 

@@ -4,8 +4,6 @@ Strain and position are functions of simulated time, so several devices can samp
 any rate and phase.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import Enum
 

@@ -1,7 +1,5 @@
 """Simulated sessions of sweeps: the paper's training scan, or test sweeps between its lines."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Simulation of one sweep of the hand over the material."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactile_localizer.channels import DEFAULT_CHANNELS

@@ -1,7 +1,5 @@
 """Coverage of the scene's bounds by a scan."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import ndimage
 

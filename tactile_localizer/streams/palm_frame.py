@@ -1,7 +1,5 @@
 """Conversion of palm poses in a named frame to positions on the scene's axes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

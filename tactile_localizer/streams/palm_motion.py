@@ -3,8 +3,6 @@
 Each displaces a map without a trace in the strain. The thresholds are judgement.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactile_localizer.core.geometry.motion import YAW_LEVER

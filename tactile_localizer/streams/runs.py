@@ -1,7 +1,5 @@
 """Runs of stamps, between which time jumps back: the one rule for stamps, live and in recordings."""
 
-from __future__ import annotations
-
 import numpy as np
 
 NANOSECONDS = 1_000_000_000

@@ -1,7 +1,5 @@
 """Detection of sweeps in the palm's motion: a sweep ends where the hand reverses or rests."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactile_localizer.scene import Axis

@@ -4,8 +4,6 @@ Positions are interpolated linearly and yaw along the shortest arc. Stamps alone
 missing; nothing reads a clock, so a recording gives the same result at any playback rate.
 """
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_left
 from collections import deque

@@ -1,7 +1,5 @@
 """Transforms between frames over time, as tf2 combines them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Conversion of the messages of a bag."""
 
-from __future__ import annotations
-
 from functools import partial
 from operator import attrgetter
 from typing import Any

@@ -1,7 +1,5 @@
 """Decoding of messages of bags, by the definitions in the bag, in a folder, or of ROS 2 and this package."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Reading a bag as a recording: strain and palm poses, paired by their stamps exactly as live."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial

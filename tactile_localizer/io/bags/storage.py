@@ -3,8 +3,6 @@
 Only wanted topics are read, whatever else is in the bag. What a file promises and does not hold is an error.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Topics of a bag, and boundaries of its sweeps as the nodes report them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple

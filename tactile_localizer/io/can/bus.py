@@ -1,7 +1,5 @@
 """Opening of a python-can bus, and what the kernel knows about it: its interface and its receive queue."""
 
-from __future__ import annotations
-
 import errno
 import logging
 import os

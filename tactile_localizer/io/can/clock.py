@@ -1,7 +1,5 @@
 """Clock of a sender that stamps frames: a gateway, or an adapter with a clock of its own."""
 
-from __future__ import annotations
-
 LONGEST_WAKEUP_S = 0.0005
 """Longest time from the receipt of a frame to the return of a read that waited for it, s."""
 

@@ -1,7 +1,5 @@
 """Frames that load cells need: those that start, synchronize or poll, and stop them."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterable, Sequence

@@ -5,8 +5,6 @@ microseconds, and many wrap before their bits do. How far a counter usually adva
 wraps.
 """
 
-from __future__ import annotations
-
 MAX_LATE = 2
 """Most samples by which a frame is taken as late; further behind, the counter jumped."""
 

@@ -9,8 +9,6 @@ Without counters, a frame behind losses is not distinguishable from one that is 
 long as none was received that usually follows it. It is taken as late, so that one cycle can mix samples.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ Only these are parsed, so faults in other messages do not matter. Lines that con
 refused, and numbers by which a parser would allocate memory without limit.
 """
 
-from __future__ import annotations
-
 import copy
 import logging
 import re

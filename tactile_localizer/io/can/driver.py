@@ -7,8 +7,6 @@ Only this thread accesses the bus, so the bus is never closed during a read. The
 short steps and therefore stops within a fraction of a second.
 """
 
-from __future__ import annotations
-
 import errno
 import threading
 import time

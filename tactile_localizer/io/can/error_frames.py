@@ -3,8 +3,6 @@
 Error classes are bits of the identifier, details are bytes of the data (``linux/can/error.h``).
 """
 
-from __future__ import annotations
-
 import can
 
 CONTROLLER_STATES = ("error active", "error warning", "error passive", "bus off", "stopped", "sleeping")

@@ -1,7 +1,5 @@
 """Messages of the load cells in a DBC, with their gauges, counters and statuses."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Recorded CAN logs of any format that python-can reads: strain with the stamps of the log."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Decoding of CAN frames to volts and encoding of volts to frames, according to a DBC."""
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tare of the load cells: the average strain over a given time, stored in a file."""
 
-from __future__ import annotations
-
 import reprlib
 from collections.abc import Sequence
 from pathlib import Path

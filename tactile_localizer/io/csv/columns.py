@@ -14,8 +14,6 @@ each sweep on. Quantities without an entry have their standard names: ``stamp_s`
 ``index_1``, ``index_2``, .... ``pose_stamp_s`` names the stamps of a separate file of poses if they differ.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping, Sequence

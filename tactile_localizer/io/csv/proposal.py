@@ -1,7 +1,5 @@
 """Proposal of a scene from the columns and positions of CSV files."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -6,8 +6,6 @@ is known, ``felt``: 1 from contact with a feature to its end. A
 their own, with stamps of their own. Invalid rows are skipped, counted and reported.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial

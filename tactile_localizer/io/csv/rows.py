@@ -1,7 +1,5 @@
 """Rows of a table in a text file: compression, encoding, separator and header are found in the file."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import gzip

@@ -1,7 +1,5 @@
 """Numbers of a CSV file: stamps, positions, strain and what else is known, of the rows that can be read."""
 
-from __future__ import annotations
-
 import math
 import re
 from array import array

@@ -10,8 +10,6 @@
       dropped/           sweeps moved here are not used
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import re

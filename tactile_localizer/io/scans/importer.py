@@ -1,7 +1,5 @@
 """Import of a recording into a new scan, with the same pairs as live recording would store."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

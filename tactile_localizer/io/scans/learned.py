@@ -5,8 +5,6 @@ for the scan's own scene is in ``calibration.json``, and each other scene has a 
 store it costs only the time to learn it again.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """Live recording of sweeps: assigns incoming pairs to sweeps by their stamps and stores them."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -5,8 +5,6 @@ end of the sweep adds a line of JSON with its own CRC-32: the numbers of samples
 and the scene. Without this line, as a killed process leaves the file, the sweep ended early.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import math

@@ -1,7 +1,5 @@
 """Figures of one sweep: the belief at some moments of it, and its probability and error along the travel."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

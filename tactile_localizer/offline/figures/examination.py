@@ -1,7 +1,5 @@
 """Figures of a scan's examination: errors of its held-out sweeps, and their score by information length."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator

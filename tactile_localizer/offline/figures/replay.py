@@ -1,7 +1,5 @@
 """Figures of a replay: error and standard deviation along the travel, and where the sweeps converge."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures of a scan: the paths of the sweeps and the tactile map (paper, Fig. 3 and 4)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

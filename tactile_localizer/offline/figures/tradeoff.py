@@ -1,7 +1,5 @@
 """Picture of a trade-off: error over computing time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sections that the reports of a replay and of a scan have in common."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from tactile_localizer.core.calibration.examination import Examination

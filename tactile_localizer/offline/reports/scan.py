@@ -1,7 +1,5 @@
 """The report of a scan."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from tactile_localizer.core.calibration.examination import Examination

@@ -1,7 +1,5 @@
 """Long computations in a thread, while the executor of the node keeps running."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from contextlib import suppress

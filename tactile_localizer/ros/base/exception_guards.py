@@ -4,8 +4,6 @@ A callback handles the failures that it expects (:class:`TactileLocalizerError`)
 is caught here and logged in one line; a message is dropped, and a service request is rejected.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
 from functools import wraps

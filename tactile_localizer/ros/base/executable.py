@@ -1,7 +1,5 @@
 """Main function of the executables: runs a node until the process is asked to end."""
 
-from __future__ import annotations
-
 import gc
 import signal
 import threading

@@ -1,7 +1,5 @@
 """Base class of the nodes: a lifecycle node whose transitions are plain methods."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """Parameters with description, unit and range; an invalid value is rejected with the reason."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """QoS profiles that differ from the default of ROS 2 (reliable, volatile)."""
 
-from __future__ import annotations
-
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 STRAIN = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)

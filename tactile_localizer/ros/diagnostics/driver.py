@@ -1,7 +1,5 @@
 """Diagnostics of the driver node: the CAN bus, and each phalanx."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Mapping

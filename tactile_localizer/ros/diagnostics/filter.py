@@ -1,7 +1,5 @@
 """Diagnostics of the filter node: state and cost of the belief, and state of the inputs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

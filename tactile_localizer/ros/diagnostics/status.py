@@ -1,7 +1,5 @@
 """Construction and publication of diagnostics."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence

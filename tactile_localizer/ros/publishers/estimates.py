@@ -1,7 +1,5 @@
 """Publishers of the estimates of the filter node."""
 
-from __future__ import annotations
-
 import math
 from array import array
 

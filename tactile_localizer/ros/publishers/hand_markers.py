@@ -1,7 +1,5 @@
 """Conversion of an estimate to markers of the hand for RViz and Foxglove."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Publisher of the tactile map, of a complete scan or of one that is being recorded."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The pose of the material, published to tf while the estimate has converged."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

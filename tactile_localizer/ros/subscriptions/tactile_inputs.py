@@ -1,7 +1,5 @@
 """Strain vectors and palm poses that a node receives, paired by their stamps."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping

@@ -3,8 +3,6 @@
 ``tf2_ros`` is imported only if a parameter requires it, so that the nodes run without it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
