@@ -227,7 +227,11 @@ def test_each_configuration_field_is_a_parameter():
         ({"scene_file": "none.yaml"}, "none.yaml: expected a scene file"),
         ({"random_particles": 10}, "random_particles: expected 0 with filter grid, got 10"),
         ({"model": "oracle"}, "model 'oracle': expected sweep_mixture or module:Class"),
-        ({"particles": -1}, "particles"),
+        ({"particles": -1}, "parameter particles: Parameter particles out of range"),
+        (
+            {"use_sim_time": "maybe"},
+            ": parameter use_sim_time: Trying to set parameter 'use_sim_time' to 'maybe'",
+        ),
         ({"material_pose": [1.0, 2.0]}, "material_pose: expected x, y, z, roll, pitch, yaw"),
     ],
 )

@@ -9,15 +9,19 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any
 
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 
-from tactile_localizer.errors import TactileLocalizerError, located
+from tactile_localizer.errors import TactileLocalizerError, located, printable
 
 _LOG_PERIOD_S = 1.0
 
 
 def one_line(error: BaseException) -> str:
     """The text of an error in one line; for an unexpected type of error also the type and the location."""
+    if isinstance(error, ParameterException):  # from rclpy, which surrounds the reason with other text
+        text, _, name = str(error).rpartition(": ")
+        return printable(f"parameter {name}: {text.partition('Reason: ')[2] or text}")
     return str(error) if isinstance(error, TactileLocalizerError) else f"unexpected {located(error)}"
 
 

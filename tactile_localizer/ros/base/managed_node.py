@@ -18,7 +18,7 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from tactile_localizer.errors import LiveError, TactileLocalizerError
+from tactile_localizer.errors import LiveError
 from tactile_localizer.ros.base import exception_guards
 from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.parameters import Parameter, Parameters
@@ -67,7 +67,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
         service.callback = exception_guards.guard_service(self, "state", ChangeState, self._on_change_state)
         try:
             self.parameters = Parameters(self, (_AUTOSTART, *declared), lambda: self._is_configured)
-        except TactileLocalizerError:
+        except Exception:
             self.destroy_node()  # the caller never gets a reference to it
             raise
 

@@ -13,7 +13,6 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 
 from tactile_localizer.errors import ParameterError, did_you_mean
@@ -84,8 +83,10 @@ class Parameters:
 
     Raises
     ------
+    ParameterException
+        A value from the command line or a file is out of range or of the wrong type; from rclpy.
     ParameterError
-        A value from the command line or a file is out of range or of the wrong type.
+        It is an empty list.
     """
 
     def __init__(self, node: Node, declared: Iterable[Parameter], configured: Callable[[], bool]) -> None:
@@ -106,13 +107,7 @@ class Parameters:
                 continue
             self._declared[parameter.name] = parameter
             default = rclpy.Parameter.Type.STRING_ARRAY if parameter.default == [] else parameter.default
-            try:
-                self._node.declare_parameter(parameter.name, default, parameter.descriptor())
-            except (InvalidParameterTypeException, InvalidParameterValueException) as error:
-                # The exceptions of rclpy surround the reason with other text.
-                text = str(error).removesuffix(f": {parameter.name}")
-                reason = text.partition("Reason: ")[2] or text
-                raise ParameterError(f"parameter {parameter.name}: {reason}") from error
+            self._node.declare_parameter(parameter.name, default, parameter.descriptor())
             # [] on the command line has no type.
             if self._node.get_parameter_or(parameter.name).value is None:
                 if parameter.default != []:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -85,15 +86,39 @@ def test_each_transform_gives_a_pose() -> None:
     poses.send(10, 0.01)
     assert poses.places() == [(0, 0.0), (20, 0.02)]
     assert poses.found[0].header.frame_id == "base_link"
-    assert not poses.poses.problem
 
 
-def test_frames_that_are_not_connected_are_named() -> None:
+@pytest.mark.parametrize(
+    ("transforms", "reason"),
+    [
+        ([("base_link", "tool0")], "no palm among base_link, tool0"),
+        ([("base_link", "Palm")], "no palm (did you mean Palm?) among Palm, base_link"),
+        ([("world", "palm")], "no base_link among palm, world"),
+        ([("world", "palm"), ("map", "base_link")], "Could not find a connection between 'base_link' and"),
+        (
+            [("a", "b"), ("b", "a"), ("a", "palm"), ("c", "base_link")],
+            "The tf tree is invalid because",
+        ),
+        ([("base_link", "palm"), ("base_link", "wrist")], "no newer one"),
+        ([("base_link", "palm", 1)], "static, or without a stamp"),
+        ([("base_link", "palm"), ("base_link", "palm", 0, math.nan)], "not finite, or without a frame: t"),
+        ([("base_link", "wrist"), ("", "palm")], "not finite, or without a frame: transform to palm"),
+        ([("base_link", "palm\x1b")], r"no palm (did you mean palm\x1b?) among base_link, palm\x1b"),
+    ],
+)
+def test_frames_without_a_pose_are_described_until_there_is_one(
+    capfd: pytest.CaptureFixture, transforms: Any, reason: str
+) -> None:
     poses = Poses()
-    poses.send(0, 0.0, "base_link", "tool0")
-    assert "palm" in poses.poses.problem
-    poses.send(0, 0.0, "tool0", "palm")
     assert not poses.poses.problem
+    for parent, child, topic, x in (each + (0, 0.0)[len(each) - 2 :] for each in transforms):
+        poses.send(0, x, parent, child, topic)
+    found = poses.poses.problem
+    assert found.startswith(f"from reference_frame base_link to palm_frame palm: {reason}")
+    assert found.isprintable()
+    assert not capfd.readouterr().err, "tf2 has nothing to add"
+    poses.send(20, 0.02)
+    assert poses.places()[-1] == (20, 0.02)
 
 
 def test_static_frames_are_chained() -> None:
