@@ -10,6 +10,8 @@ sweeps no claim is right. A row is a range of claims, and has
     mean claim of the strains of all files, and the part of them that is right
 ``claimed_own``, ``observed_own``
     the same of the ``test`` sweeps alone, which are on the map
+``low``, ``high``, ``low_own``, ``high_own``
+    95 % intervals of the observed, as there are few sweeps (Bayesian bootstrap over sweeps; Rubin, 1981)
 ``sets``
     number of folders with such strains
 
@@ -42,11 +44,17 @@ from tactile_localizer.offline.tradeoff import named_configuration
 
 EDGES = np.array([0.5, 0.7, 0.85, 0.93, 0.96, 0.98, 1.0])
 """Ranges of claims, below 0.5 of which nobody acts on them."""
+RESAMPLED = 1000
+"""Times that the sweeps are weighted anew."""
 COLUMNS = {
     "claimed": ("claimed", ".3f"),
     "observed": ("observed", ".3f"),
+    "low": ("from", ".3f"),
+    "high": ("to", ".3f"),
     "claimed_own": ("own: claimed", ".3f"),
     "observed_own": ("observed", ".3f"),
+    "low_own": ("from", ".3f"),
+    "high_own": ("to", ".3f"),
     "sets": ("sets", "d"),
 }
 
@@ -67,8 +75,8 @@ def claims(folder: Path, configuration: Configuration) -> list[dict[str, Any]]:
     localizer = build_localizer(scan, scene, configuration, np.random.default_rng(1))
     blank = find_file(folder, "blank")
     others = ([blank] if blank else []) + sorted(folder.glob("foreign_*.csv*"))
-    found: dict[str, list[np.ndarray]] = {"claim": [], "right": [], "weight": [], "own": []}
-    for path in (test, *others):
+    found: dict[str, list[np.ndarray]] = {"claim": [], "right": [], "weight": [], "own": [], "sweep": []}
+    for number, path in enumerate((test, *others)):
         sweeps = localize(localizer, load_recording(path, scene), 1.0, 1)
         claim = np.concatenate([sweep.probability[sweep.updated] for sweep in sweeps])
         error = np.concatenate([position_error(sweep)[sweep.updated] for sweep in sweeps])
@@ -77,6 +85,8 @@ def claims(folder: Path, configuration: Configuration) -> list[dict[str, Any]]:
         found["own"].append(own)
         found["right"].append(own & (error <= configuration.convergence_radius))
         found["weight"].append(np.full(len(claim), 1.0 / len(claim)))
+        counts = [np.count_nonzero(sweep.updated) for sweep in sweeps]
+        found["sweep"].append(np.repeat(1000 * number + np.arange(len(sweeps)), counts))
     return [{name: np.concatenate(parts) for name, parts in found.items()}]
 
 
@@ -91,10 +101,21 @@ def table(sets: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         for suffix, rows_of in (("", inside), ("_own", inside & joined["own"])):
             if rows_of.any():
                 weights = joined["weight"][rows_of]
+                right, sweep = joined["right"][rows_of], 100_000 * number[rows_of] + joined["sweep"][rows_of]
                 row[f"claimed{suffix}"] = float(np.average(joined["claim"][rows_of], weights=weights))
-                row[f"observed{suffix}"] = float(np.average(joined["right"][rows_of], weights=weights))
+                row[f"observed{suffix}"] = float(np.average(right, weights=weights))
+                row[f"low{suffix}"], row[f"high{suffix}"] = interval(right, weights, sweep)
         rows.append(row)
     return rows
+
+
+def interval(right: np.ndarray, weights: np.ndarray, sweep: np.ndarray) -> tuple[float, float]:
+    """95 % interval of the weighted part that is ``right`` (n,), whose strains of a ``sweep`` go together."""
+    _, of = np.unique(sweep, return_inverse=True)
+    parts = np.random.default_rng(0).exponential(size=(RESAMPLED, of.max() + 1))
+    drawn = (parts @ np.bincount(of, weights * right)) / (parts @ np.bincount(of, weights))
+    low, high = np.quantile(drawn, [0.025, 0.975]).tolist()
+    return low, high
 
 
 def draw(path: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -107,7 +128,9 @@ def draw(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     for suffix, name, style in (("", "with other material", "o-"), ("_own", "on the map alone", "s--")):
         known = [row for row in rows if f"claimed{suffix}" in row]
         claimed, observed = ([row[what + suffix] for row in known] for what in ("claimed", "observed"))
-        axes.plot(claimed, observed, style, markersize=4.0, label=name)
+        ends = np.array([(row["low" + suffix], row["high" + suffix]) for row in known]).T
+        away = np.abs(np.array(observed) - ends)
+        axes.errorbar(claimed, observed, away, fmt=style, markersize=4.0, elinewidth=0.7, label=name)
     axes.axvline(Configuration().convergence_probability, color="0.6", linestyle=":", linewidth=1.0)
     axes.text(Configuration().convergence_probability, 0.02, "converged ", ha="right", fontsize=8)
     axes.set(xlabel="claimed probability", ylabel="part that is right", xlim=(0.5, 1.0), ylim=(0.0, 1.02))

@@ -9,14 +9,14 @@ import numpy as np
 
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import UNEXAMINED, examine
-from tactile_localizer.core.calibration.held_out import registration_errors, registration_std, surroundings
+from tactile_localizer.core.calibration.registration import registration_std
 from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.filters.particle import ParticleFilter
 from tactile_localizer.core.geometry.anchors import Anchors
-from tactile_localizer.core.geometry.motion import levers
+from tactile_localizer.core.geometry.surroundings import surroundings
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.likelihood.user_defined import NamedModel
@@ -106,23 +106,20 @@ def _assembled(
 
 
 def _calibrated(scan: Scan, scene: Scene, learned: SweepModel, say: Progress) -> Calibration:
-    """Examine the scan, and register its sweeps with the information length that this gives."""
+    """Examine the scan, which gives the information length and the registration error."""
     say("examining the scan by held-out sweeps", 0.2)
-    prior = Calibration(registration_std([], scene.dimension) / levers(scene), learned.variance)
-    quiet: list[np.ndarray] = []
+    prior = Calibration(registration_std(scene), learned.variance)
+    whole = learned.mixture(scene, learned.cell(scene, _EXAMINED.cell))
+    quiet_energy = learned.quiet_energy(whole, UNEXAMINED)
 
     def build(part: SweepModel, within: Scene) -> Localizer:
-        if not quiet:
-            whole = learned.mixture(scene, learned.cell(scene, _EXAMINED.cell))
-            quiet.append(learned.quiet_energy(whole, UNEXAMINED))
-        return _assembled(part, within, _EXAMINED, prior, np.random.default_rng(0), scan, quiet[0])
+        return _assembled(part, within, _EXAMINED, prior, np.random.default_rng(0), scan, quiet_energy)
 
     examination = examine(
-        scan, learned, build, lambda done: say("examining the scan by held-out sweeps", 0.2 + 0.7 * done)
+        scan, learned, build, lambda done: say("examining the scan by held-out sweeps", 0.2 + 0.8 * done)
     )
-    say("registering held-out sweeps", 0.9)
-    std = registration_errors(learned, examination.information_length)
-    return Calibration(std, learned.variance, examination)
+    right = [each for each in examination.on_map if each.right]
+    return Calibration(registration_std(scene, right), learned.variance, examination)
 
 
 def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibration:

@@ -16,7 +16,7 @@ class Calibration(NamedTuple):
     Parameters
     ----------
     registration_std : (d,) m (yaw: rad), standard deviation of the shift between sweeps
-    variance : variance model under which the sweeps were registered; ``None``: not stored
+    variance : variance model of the sweeps; ``None``: not stored
     examination : of the scan, which gives the information length
     """
 

@@ -22,10 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_localizer.core.calibration.held_out import surroundings
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.geometry.motion import MotionModel, levers
+from tactile_localizer.core.geometry.surroundings import surroundings
 from tactile_localizer.core.hypotheses.convergence import probability_within
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
@@ -67,7 +67,7 @@ class Outcome:
     score : mean logarithm of the probability given to the truth
     right, wrong, converged : converged and right at its end; ever converged and wrong; ever converged
     error : (d,) distance of the last estimate from the truth along each axis, m (yaw: rad)
-    spread : (d,) least standard deviation of an estimate along each axis, m (yaw: rad)
+    spread : (d,) its standard deviation along each axis without the registration error, m (yaw: rad)
     axes : (d,) score along each axis alone, over the second half of the way; empty if not on the map
     """
 
@@ -133,7 +133,7 @@ class Examination:
 
     @property
     def spread(self) -> np.ndarray:
-        """Median over the sweeps of the least standard deviation (d,) along each axis, m (yaw: rad)."""
+        """Median over the sweeps of their :attr:`Outcome.spread`, (d,) m (yaw: rad)."""
         return np.median([each.spread for each in self.on_map], axis=0) if self.on_map else np.zeros(0)
 
 
@@ -294,19 +294,18 @@ def _localize(trial: _Trial, information_length: float) -> Outcome:
     odometry = positions + np.cumsum(steps * np.sqrt(_travels(positions, scene))[:, None], axis=0)
     score: list[float] = []
     along: list[tuple[float, np.ndarray]] = []
-    spread, updates = np.full(scene.dimension, np.inf), 0
     right = wrong = converged = False
-    away = np.zeros(scene.dimension)
+    updates, away, variance = 0, np.zeros(scene.dimension), np.square(scene.extent)
     for row, (place, strain) in enumerate(zip(odometry, strains, strict=True)):
         estimate = localizer.update((1 + row) * _PERIOD_NS, place, strain)
         away = motion.displacement(positions[row], estimate.mean)
+        variance = estimate.covariance.diagonal() - localizer.registration_variance
         near = trial.on_map and float(np.square(away / radius).sum()) <= 1.0
         right, wrong = estimate.converged and near, wrong or (estimate.converged and not near)
         converged = converged or estimate.converged
         updates += estimate.updated
         if estimate.updated and updates % _EACH == 0:
             score.append(math.log(max(_probability(trial, positions[row]), _LEAST_PROBABILITY)))
-            spread = np.minimum(spread, np.sqrt(estimate.covariance.diagonal()))
             if trial.on_map:
                 along.append((estimate.travel, _along_axes(localizer, positions[row])))
     second_half = [axes for travel, axes in along if 2.0 * travel >= estimate.travel]
@@ -323,7 +322,7 @@ def _localize(trial: _Trial, information_length: float) -> Outcome:
         bool(wrong),
         bool(converged),
         tuple(np.abs(away).tolist()),
-        tuple(np.minimum(spread, scene.extent).tolist()),
+        tuple(np.sqrt(np.maximum(variance, 0.0)).tolist()),
         tuple(axes.tolist()),
     )
 

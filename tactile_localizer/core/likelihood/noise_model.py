@@ -17,7 +17,7 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift
 from tactile_localizer.core.likelihood.material import CLOTH_MEMORY, Material
-from tactile_localizer.core.likelihood.student_t import log_density, scatter
+from tactile_localizer.core.likelihood.student_t import log_density, scatter, weight
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise, white_noise
 from tactile_localizer.core.scan.interpolation import HeldOut, hold_out
 from tactile_localizer.core.scan.lines import line_spacing
@@ -34,8 +34,6 @@ _FEATURELESS_STRETCH = 0.2
 fraction of the sweep."""
 WANDER_LENGTH = 0.05
 """m over which a level that wanders is forgotten, where it is compared with a constant one. By judgement."""
-_LONGEST = 4.0
-"""Length at which a deviation is shortened, in median lengths: one absurd strain hardly counts."""
 _CORRELATED = 0.002
 """m within which deviations are alike: their energy is averaged over it, and residuals count as independent
 only beyond it. By judgement."""
@@ -325,7 +323,7 @@ def _reproducible_fraction(
     product = energy = 0.0
     for own in held_out.slices:
         felt, there = (
-            bounded(material.innovations(each[own], pitch, robust=True))
+            _bounded(material.innovations(each[own], pitch, robust=True))
             for each in (strain[held_out.points], expected)
         )
         product += float(np.sum(felt * there))
@@ -333,11 +331,11 @@ def _reproducible_fraction(
     return min(max(product / energy, 0.0), 1.0) if energy > 0.0 else 1.0
 
 
-def bounded(values: np.ndarray) -> np.ndarray:
-    """Vectors (n, C), shortened to :data:`_LONGEST` times their median length."""
-    length = np.linalg.norm(values, axis=1, keepdims=True)
-    longest = _LONGEST * np.median(length) if len(length) else 0.0
-    return np.asarray(values * np.minimum(1.0, longest / np.maximum(length, 1e-300)))
+def _bounded(values: np.ndarray) -> np.ndarray:
+    """Vectors (n, C), bounded as by the weights of the t-distribution: an absurd one hardly counts."""
+    squared, channels = np.square(values).sum(axis=1, keepdims=True), values.shape[1]
+    typical = np.median(squared) / channels if len(squared) else 0.0
+    return np.asarray(values * np.sqrt(weight(squared / max(typical, 1e-300), channels)))
 
 
 def _kept(strain: np.ndarray, layout: ChannelLayout, tracks: Tracks) -> np.ndarray:

@@ -26,11 +26,6 @@ def line_spacing(tracks: Tracks) -> float:
     return float(np.median(np.concatenate(nearest)))
 
 
-def on_line_of(tracks: Tracks, index: int) -> np.ndarray:
-    """Tracks (S,) bool on the line of one of them, itself included."""
-    return _on_line(_distances(tracks, index), index)
-
-
 def differences_between_lines(tracks: Tracks) -> np.ndarray:
     """Magnitudes of the differences (n, C), V, between strains at neighbouring places of two lines.
 
@@ -40,7 +35,7 @@ def differences_between_lines(tracks: Tracks) -> np.ndarray:
         return np.abs(np.diff(tracks.strain, axis=0))
     differences = []
     for index in evenly(len(tracks), _MAX_TRACKS):
-        own, others = tracks.slices[index], np.flatnonzero(~on_line_of(tracks, index))
+        own, others = tracks.slices[index], np.flatnonzero(~_on_line(_distances(tracks, index), index))
         distance, point = tracks.nearest(tracks.positions[own], others)
         near = np.take_along_axis(point, distance.argmin(axis=1)[:, None], axis=1)[:, 0]
         differences.append(np.abs(tracks.strain[own] - tracks.strain[near]))

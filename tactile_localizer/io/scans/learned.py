@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 
 FILE = "calibration.json"
 _MOST_BYTES = 2**20
-ALGORITHM = 19
+ALGORITHM = 20
 """Number that changes with the algorithm of :func:`~.factory.learn`."""
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.scans import raster
 
-from tactile_localizer.core.scan.lines import differences_between_lines, line_spacing, on_line_of
+from tactile_localizer.core.scan.lines import differences_between_lines, line_spacing
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import Tracks
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -30,8 +30,6 @@ def test_repeated_lines_do_not_reduce_the_spacing(passes: int) -> None:
     positions = np.concatenate([once.positions + n * aside for n in range(passes)])
     tracks = Tracks(PLANE, positions, np.tile(once.strain, (passes, 1)), np.tile(once.counts, passes))
     assert line_spacing(tracks) == pytest.approx(SPACING, rel=0.1)
-    count = len(once)
-    assert np.flatnonzero(on_line_of(tracks, 0)).tolist() == [count * number for number in range(passes)]
 
 
 def test_strains_are_compared_at_neighbouring_places_of_two_lines() -> None:
