@@ -29,8 +29,9 @@ from tactile_localizer.demo.nodes import node_command, own_domain
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.msg import Posterior, StrainVectors
 from tactile_localizer.ros.base.qos import STRAIN
-from tactile_localizer.ros.conversions import fill, from_ns, to_ns
+from tactile_localizer.ros.conversions import fill, from_ns
 from tactile_localizer.sim import shipped_scene, simulate_recording
+from tactile_localizer.streams.runs import to_ns
 
 _POSE_RATE_HZ = 100.0
 

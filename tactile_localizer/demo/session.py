@@ -29,8 +29,8 @@ from tactile_localizer.io.bags.reader import typestore
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.msg import Posterior, ScanStatus, StrainVectors
 from tactile_localizer.resources import resource_path
-from tactile_localizer.ros.conversions import to_ns
 from tactile_localizer.sim.scan import TRAINING_SWEEPS
+from tactile_localizer.streams.runs import to_ns
 
 SCAN_SWEEPS = 2 * TRAINING_SWEEPS
 """Number of training sweeps: two along each line, so that the noise between sweeps can be learned."""

@@ -30,7 +30,7 @@ from tactile_localizer.io.status import missing_status
 from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.quantity import number, whole_number
 from tactile_localizer.scene import MOST_CHANNELS
-from tactile_localizer.streams.runs import LATE, NANOSECONDS, STRAIN, Runs
+from tactile_localizer.streams.runs import LATE, NANOSECONDS, STRAIN, Runs, to_ns
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 _FIELDS = {
@@ -131,8 +131,7 @@ class StrainAdapter:
             The message lacks a field, or has a different number of channels.
         """
         stamp = getattr(getattr(message, "header", None), "stamp", None)
-        stamp_ns = int(stamp.sec) * NANOSECONDS + int(stamp.nanosec) if stamp is not None else 0
-        stamp_ns = stamp_ns or received_ns
+        stamp_ns = (to_ns(stamp) if stamp is not None else 0) or received_ns
         given = [index for index, source in enumerate(self.sources) if source.topic == topic]
         if 0 in given and self._runs.add(STRAIN, stamp_ns) == LATE:
             return None

@@ -9,11 +9,6 @@ from tactile_localizer.msg import StrainVectors
 from tactile_localizer.streams.runs import NANOSECONDS
 
 
-def to_ns(stamp: Time) -> int:
-    """Nanoseconds of a time stamp; 0 means that the clock has not started."""
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
-
-
 def from_ns(stamp_ns: int) -> Time:
     """Time stamp of a number of nanoseconds."""
     seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)

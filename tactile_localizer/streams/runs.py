@@ -1,6 +1,10 @@
 """Runs of stamps, between which time jumps back: the one rule for stamps, live and in recordings."""
 
+from typing import Any
+
 import numpy as np
+
+from tactile_localizer.errors import MeasurementError
 
 NANOSECONDS = 1_000_000_000
 
@@ -14,6 +18,24 @@ _JUMP_NS = NANOSECONDS // 2
 Messages that overtake each other do so by less."""
 _FOLLOWING_NS = NANOSECONDS
 """ns of stamps after a jump of one topic within which the other one jumps too, if it does (judgement)."""
+
+
+def to_ns(stamp: Any) -> int:
+    """Nanoseconds of a time stamp of ROS, of rclpy or rosbags; 0 means that the clock has not started."""
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+
+
+def stamp_of(message: Any) -> int:
+    """Stamp in the header of a message, ns.
+
+    Raises
+    ------
+    MeasurementError
+        It is 0.
+    """
+    if not (stamp_ns := to_ns(message.header.stamp)):
+        raise MeasurementError("expected a stamp, found 0: the clock of the sender has not started")
+    return stamp_ns
 
 
 class Runs:

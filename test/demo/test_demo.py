@@ -14,12 +14,12 @@ import pytest
 from support.waiting import StarvedError, children, has_ended, wait_until
 
 from tactile_localizer.errors import LiveError
-from tactile_localizer.io.bags.conversions import stamp_of
 from tactile_localizer.io.bags.reader import Wanted, read_messages
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.whole_file import RESULT
 from tactile_localizer.scene import Axis, Phalanx, Scene
+from tactile_localizer.streams.runs import stamp_of
 
 pytestmark = pytest.mark.ros
 

@@ -20,12 +20,12 @@ from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.range import ScanRange
-from tactile_localizer.io.bags.conversions import stamp_of as bag_stamp_of
 from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.sim import shipped_scene, simulate_scan
+from tactile_localizer.streams.runs import stamp_of as bag_stamp_of
 from tactile_localizer.streams.synchronization import Pairing
 
 pytestmark = pytest.mark.ros

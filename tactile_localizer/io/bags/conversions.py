@@ -4,13 +4,13 @@ from functools import partial
 from operator import attrgetter
 from typing import Any
 
-from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.bags.reader import Wanted, absolute
 from tactile_localizer.io.bags.sweeps import Change, Travel
 from tactile_localizer.io.recording import NO_SWEEP
 from tactile_localizer.io.strain_adapter import StrainAdapter, StrainVector
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.runs import stamp_of, to_ns
 from tactile_localizer.streams.transforms import Transform
 
 TF, TF_STATIC = "/tf", "/tf_static"
@@ -23,33 +23,14 @@ _POSES = {
 """Message types of poses in the frame of the header, and the field of the pose."""
 
 
-def stamp_of(message: Any) -> int:
-    """Stamp in the header of a message, ns.
-
-    Raises
-    ------
-    MeasurementError
-        It is 0.
-    """
-    if not (stamp_ns := _nanoseconds(message)):
-        raise MeasurementError("expected a stamp, found 0: the clock of the sender has not started")
-    return stamp_ns
-
-
 def _change_of_status(message: Any, received_ns: int) -> Change:
     """Convert a ``ScanStatus``."""
-    return Change(_nanoseconds(message), int(message.sweep) if message.sweep_active else NO_SWEEP)
+    return Change(to_ns(message.header.stamp), int(message.sweep) if message.sweep_active else NO_SWEEP)
 
 
 def _travel_of(message: Any, received_ns: int) -> Travel:
     """Convert a ``Posterior``."""
-    return Travel(_nanoseconds(message), float(message.travel))
-
-
-def _nanoseconds(message: Any) -> int:
-    """Stamp in the header of a message, ns; 0 where it is not filled in."""
-    stamp = message.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    return Travel(to_ns(message.header.stamp), float(message.travel))
 
 
 def _pose_in(pose: Any) -> tuple[float, ...]:
@@ -71,7 +52,7 @@ def _transforms(message: Any, received_ns: int) -> list[Transform]:
         Transform(
             each.header.frame_id.lstrip("/"),
             each.child_frame_id.lstrip("/"),
-            _nanoseconds(each),
+            to_ns(each.header.stamp),
             _pose_in(each.transform),
         )
         for each in message.transforms

@@ -12,19 +12,18 @@ from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from tactile_localizer.errors import MeasurementError, ParameterError, TactileLocalizerError, counted
+from tactile_localizer.errors import ParameterError, TactileLocalizerError, counted
 from tactile_localizer.io.scans.recorder import StrainSample
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
-from tactile_localizer.ros.conversions import to_ns
 from tactile_localizer.ros.diagnostics.status import LargestRecent
 from tactile_localizer.ros.subscriptions.tf_poses import TfPoses
 from tactile_localizer.scene import Axis, Scene
 from tactile_localizer.streams.palm_frame import PalmFrame
 from tactile_localizer.streams.palm_motion import describe_motion
-from tactile_localizer.streams.runs import NANOSECONDS
+from tactile_localizer.streams.runs import NANOSECONDS, stamp_of
 from tactile_localizer.streams.synchronization import (
     DEFAULT_MAX_GAP_S,
     DEFAULT_PATIENCE_S,
@@ -320,9 +319,7 @@ class TactileInputs:
         """Pass on the pairs that a message completes, or reject it."""
         self.received[topic] += 1
         try:
-            if not (stamp_ns := to_ns(message.header.stamp)):
-                raise MeasurementError("expected a stamp, found 0: the clock of the sender has not started")
-            pairs = add(stamp_ns, read(message))
+            pairs = add(stamp_of(message), read(message))
         except TactileLocalizerError as error:
             self.reject(topic, error)
         else:

@@ -15,8 +15,7 @@ from rclpy.subscription import Subscription
 
 from tactile_localizer.errors import did_you_mean, listed, printable
 from tactile_localizer.ros.base.parameters import import_optional
-from tactile_localizer.ros.conversions import to_ns
-from tactile_localizer.streams.runs import NANOSECONDS
+from tactile_localizer.streams.runs import NANOSECONDS, to_ns
 
 _TF = QoSProfile(depth=1000)
 _TF_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
