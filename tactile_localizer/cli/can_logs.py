@@ -15,14 +15,10 @@ from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.csv.table import Table
 from tactile_localizer.io.yaml_file import load_yaml, mapping
-from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
 
 if TYPE_CHECKING:
     from tactile_localizer.io.can.protocol import LoadCellProtocol
-
-_SIGNALS = {"gauge_signals": "gauges", "counter_signal": "counter", "status_signal": "status"}
-"""Fields of :class:`SignalNames` by those of the driver's parameters that have other names."""
 
 
 def add_can_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,18 +45,10 @@ def log_reader(args: argparse.Namespace, scene: Scene) -> Callable[[Path], Table
         The DBC lacks a phalanx of the scene, or has another number of channels for it.
     """
     # Imported here because cantools takes 0.3 s, which other recordings do not need.
-    from tactile_localizer.io.can.layout import SignalNames
-    from tactile_localizer.io.can.protocol import LoadCellProtocol
+    from tactile_localizer.io.can.protocol import protocol_of
 
     parameters = load_yaml(args.params_file, "a parameter file", CanError, _flat) if args.params_file else {}
-    names: dict[str, Any] = {
-        _SIGNALS.get(name, name): tuple(value) if isinstance(value, list) else value
-        for name, value in parameters.items()
-        if name in (*_SIGNALS, "status_ok")
-    }
-    messages = {name: parameters.get(f"messages.{name}", ()) for name in scene.phalanx_names}
-    path = given_or_shipped(args.dbc, "config")
-    protocol = LoadCellProtocol(path, scene.phalanx_names, messages, SignalNames(**names))
+    protocol = protocol_of(scene.phalanx_names, {**parameters, "dbc": args.dbc})
     scene.channels(protocol.phalanges, protocol.channels.counts)  # as many as the scene has
     return partial(_table, protocol, args.channel)
 

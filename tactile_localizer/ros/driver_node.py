@@ -20,11 +20,9 @@ from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.can.bus import BusSettings, parse_options
 from tactile_localizer.io.can.commands import Commands, parse_frames
 from tactile_localizer.io.can.driver import STOP_TIMEOUT_S, LoadCellDriver
-from tactile_localizer.io.can.layout import SignalNames
-from tactile_localizer.io.can.protocol import LoadCellProtocol
+from tactile_localizer.io.can.protocol import protocol_of
 from tactile_localizer.io.can.tare import load_tare, store_tare
 from tactile_localizer.msg import StrainVectors
-from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
@@ -48,17 +46,7 @@ class DriverNode(ManagedNode):
         self._declare_messages()  # the phalanges can have changed
         parameters = self.parameters
         phalanges = parameters["phalanges"]
-        protocol = LoadCellProtocol(
-            given_or_shipped(parameters["dbc"], "config"),
-            phalanges,
-            {name: parameters[f"messages.{name}"] for name in phalanges},
-            SignalNames(
-                tuple(parameters["gauge_signals"]),
-                parameters["counter_signal"],
-                parameters["status_signal"],
-                tuple(parameters["status_ok"]),
-            ),
-        )
+        protocol = protocol_of(phalanges, {each.name: parameters[each.name] for each in parameters})
         bus = BusSettings(
             parameters["interface"],
             parameters["channel"],

@@ -17,9 +17,8 @@ from std_srvs.srv import Trigger
 
 from tactile_localizer.errors import CanError, LiveError
 from tactile_localizer.io.can.bus import BusSettings, open_bus, parse_options
-from tactile_localizer.io.can.protocol import LoadCellProtocol
+from tactile_localizer.io.can.protocol import protocol_of
 from tactile_localizer.msg import StrainVectors
-from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
@@ -96,7 +95,7 @@ class SimulatorNode(ManagedNode):
         parameters, seed = self.parameters, self.parameters["seed"]
         self._time_s = 0.0  # simulated; stands still while the node is inactive
         self._rig = Rig(parameters["feature"], seed, SPEED_MPS, parameters["load_cell_rate_hz"])
-        protocol = LoadCellProtocol(given_or_shipped(parameters["dbc"], "config"), PHALANGES)
+        protocol = protocol_of(PHALANGES, {"dbc": parameters["dbc"]})
         options = parse_options(parameters["bus_options"])
         bus = open_bus(BusSettings(parameters["interface"], parameters["channel"], options), protocol)
         self.defer(bus.shutdown)

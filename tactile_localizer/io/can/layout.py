@@ -25,23 +25,24 @@ Gauges: TypeAlias = list[tuple[Message, Signal]]
 
 @dataclass(frozen=True)
 class SignalNames:
-    """Signal names in the DBC; ``{phalanx}`` is replaced by the name of the phalanx.
+    """Signal names in the DBC, as parameters of the driver node; ``{phalanx}`` stands for a phalanx's name.
 
     Parameters
     ----------
-    gauges : channels in the order of the strain vector; a phalanx may have only the first ones
-    counter, status : rolling counter, and status of the load cell; both are optional
+    gauge_signals : channels in the order of the strain vector; a phalanx may have only the first ones
+    counter_signal, status_signal : rolling counter, and status of the load cell; both are optional
     status_ok : values of the status without a fault
     """
 
-    gauges: tuple[str, ...] = GAUGE_SIGNALS
-    counter: str = "counter"
-    status: str = "status"
-    status_ok: tuple[int, ...] = (0,)
+    gauge_signals: Sequence[str] = GAUGE_SIGNALS
+    counter_signal: str = "counter"
+    status_signal: str = "status"
+    status_ok: Sequence[int] = (0,)
 
     def __post_init__(self) -> None:
-        if not self.gauges or len(set(self.gauges)) < len(self.gauges):
-            raise CanError(f"gauge signals: expected unique names, got {', '.join(self.gauges) or 'none'}")
+        gauges = self.gauge_signals
+        if not gauges or len(set(gauges)) < len(gauges):
+            raise CanError(f"gauge signals: expected unique names, got {', '.join(gauges) or 'none'}")
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,9 @@ def compile_layout(
     for index, (phalanx, definitions) in enumerate(zip(phalanges, messages, strict=True)):
         gauges = list(enumerate(_gauges_of(phalanx, definitions, names), start=sum(counts)))
         counts.append(len(gauges))
-        counter, status = (name.replace("{phalanx}", phalanx) for name in (names.counter, names.status))
+        counter, status = (
+            name.replace("{phalanx}", phalanx) for name in (names.counter_signal, names.status_signal)
+        )
         own = []
         for message in definitions:
             by_name = {signal.name: signal for signal in message.signals}
@@ -142,7 +145,7 @@ def _gauges_of(phalanx: str, messages: Sequence[Message], names: SignalNames) ->
 
     Names that each message has, as of the axes of a taxel, are those of the first message, the second, ...
     """
-    wanted = [name.replace("{phalanx}", phalanx) for name in names.gauges]
+    wanted = [name.replace("{phalanx}", phalanx) for name in names.gauge_signals]
     signals = [(message, signal) for message in messages for signal in message.signals]
     plain = [[pair for pair in signals if pair[0] is one and pair[1].name in wanted] for one in messages]
     alike = {tuple(sorted(signal.name for _, signal in own)) for own in plain if own}

@@ -2,8 +2,9 @@
 
 import enum
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import can
 import numpy as np
@@ -19,6 +20,7 @@ from tactile_localizer.io.can.layout import (
     saturation_of,
 )
 from tactile_localizer.io.status import FAULT, SATURATED
+from tactile_localizer.resources import given_or_shipped
 
 _GROUP = 0x03FFFF00
 """Mask of an identifier of SAE J1939 without its priority and the address of its sender."""
@@ -267,6 +269,20 @@ class LoadCellProtocol:
                 )
             )
         return frames
+
+
+def protocol_of(phalanges: Sequence[str], parameters: Mapping[str, Any]) -> LoadCellProtocol:
+    """The protocol of phalanges by parameters of the driver node, of which all but ``dbc`` have defaults.
+
+    Raises
+    ------
+    CanError
+        As :class:`LoadCellProtocol`.
+    """
+    messages = {name: parameters.get(f"messages.{name}", ()) for name in phalanges}
+    names = {each.name: parameters[each.name] for each in fields(SignalNames) if each.name in parameters}
+    dbc = given_or_shipped(parameters["dbc"], "config")
+    return LoadCellProtocol(dbc, phalanges, messages, SignalNames(**names))
 
 
 def _shift_of(message: LoadCellMessage) -> tuple[Literal["little", "big"], int, int]:
