@@ -13,7 +13,7 @@ import joblib
 
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.tables import print_table
-from tactile_localizer.io.whole_file import whole_file
+from tactile_localizer.io.whole_file import write_text
 
 Row = dict[str, Any]
 
@@ -61,8 +61,7 @@ def measured(
 def write_rows(path: Path, arguments: Mapping[str, Any], rows: Sequence[Row], totals: Sequence[Row]) -> None:
     """Write ``arguments``, ``rows`` and ``totals``."""
     document = {"arguments": dict(arguments), "rows": rows, "totals": totals}
-    with whole_file(path) as unfinished:
-        unfinished.write_text(json.dumps(document, indent=2, default=str) + "\n")
+    write_text(path, json.dumps(document, indent=2, default=str) + "\n")
 
 
 def print_rows(

@@ -53,11 +53,16 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f" (did you mean {near[0]}?)" if near else ""
 
 
+def in_one_line(error: BaseException) -> str:
+    """Text of an exception in one line of bounded length, or its type where it has none."""
+    return " ".join(str(error).split())[:_MAX_REASON] or type(error).__name__
+
+
 def located(error: BaseException) -> str:
     """Type and text of an exception that nobody expected, and the line that raised it."""
     frames = [] if isinstance(error, SyntaxError) else traceback.extract_tb(error.__traceback__)
     location = f" ({frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno})" if frames else ""
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:_MAX_REASON]}{location}"
+    return f"{type(error).__name__}: {in_one_line(error)}{location}"
 
 
 class TactileLocalizerError(Exception):

@@ -15,7 +15,7 @@ from io import TextIOWrapper
 from typing import Any, NoReturn
 
 from tactile_localizer import __version__
-from tactile_localizer.errors import TactileLocalizerError, did_you_mean
+from tactile_localizer.errors import TactileLocalizerError, did_you_mean, in_one_line
 from tactile_localizer.io.scans import FORMAT
 
 COMMANDS: dict[str, str] = {
@@ -46,9 +46,6 @@ _NEEDED = {
 }
 """Libraries that only some commands need, with what to do where they are absent."""
 
-_MAX_REASON = 200
-"""Most characters of the reason why a library cannot be imported; numpy gives a page."""
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
@@ -76,8 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ImportError as error:
         library = str(error.name).partition(".")[0]
         advice = _NEEDED.get(library, "`pip install .` installs what is needed")
-        reason = " ".join(str(error).split())[:_MAX_REASON]
-        print(f"error: {library}: expected it installed, found: {reason}; {advice}", file=sys.stderr)
+        found = in_one_line(error)
+        print(f"error: {library}: expected it installed, found: {found}; {advice}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.errors import ParameterError
-from tactile_localizer.io.whole_file import RESULT, is_result, whole_file, writing
+from tactile_localizer.io.whole_file import RESULT, is_result, whole_file, write_text, writing
 from tactile_localizer.offline.json_file import json_text, write_json
 
 if TYPE_CHECKING:
@@ -162,6 +162,5 @@ def write_report(path: Path, page: Callable[[], str]) -> None:
     with progress_line() as progress:
         progress("drawing the report", 0.0)
         text = page()
-    with whole_file(path) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")
+    write_text(path, text)
     print(path)

@@ -20,7 +20,7 @@ from tactile_localizer.cli.recordings import (
 from tactile_localizer.cli.tables import print_table
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.io.scans.learned import learned_calibration
-from tactile_localizer.io.whole_file import RESULT, whole_file
+from tactile_localizer.io.whole_file import RESULT, write_text
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.json_file import write_json
 from tactile_localizer.offline.tradeoff import (
@@ -113,10 +113,7 @@ def _choose(trades: Sequence[Trade], target_mm: float, path: Path) -> int:
         print(f"{request}: none; nearest is {_describe(min(trades, key=lambda one: one.error))}")
         return 1
     values = yaml.safe_dump(found.candidate.changes, sort_keys=False) if found.candidate.changes else ""
-    with whole_file(path) as unfinished:
-        unfinished.write_text(
-            f"# {request}: {_describe(found)}\n# {RESULT}, which replaces it\n{values}", encoding="utf-8"
-        )
+    write_text(path, f"# {request}: {_describe(found)}\n# {RESULT}, which replaces it\n{values}")
     print(f"{request}: {_describe(found)}")
     print(f"{path}: pass it to replay as --config, or its values to the filter node as parameters")
     return 0

@@ -10,7 +10,7 @@ import yaml
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.errors import ParameterError, ScanError, SceneError
-from tactile_localizer.io.whole_file import whole_file
+from tactile_localizer.io.whole_file import write_text
 from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.quantity import whole_number
 from tactile_localizer.resources import resource_path
@@ -55,8 +55,7 @@ def save_scene(scene: Scene, path: str | Path) -> None:
         The file cannot be written.
     """
     text = yaml.safe_dump(scene_to_dict(scene), sort_keys=False, default_flow_style=None, width=100)
-    with whole_file(path, SceneError) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")
+    write_text(path, text, SceneError)
 
 
 def scene_from_dict(content: Any) -> Scene:

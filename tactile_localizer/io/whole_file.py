@@ -77,3 +77,9 @@ def whole_file(path: str | Path, error: type[TactileLocalizerError] = ScanError)
     finally:
         with suppress(OSError):  # it was renamed, or could not be made
             unfinished.unlink()
+
+
+def write_text(path: str | Path, text: str, error: type[TactileLocalizerError] = ScanError) -> None:
+    """Write a text to a file as :func:`whole_file` does; raises as that."""
+    with whole_file(path, error) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from tactile_localizer.errors import ParameterError, TactileLocalizerError
+from tactile_localizer.errors import ParameterError, TactileLocalizerError, in_one_line
 from tactile_localizer.io.whole_file import open_file
 
 MAX_FILE_BYTES = 64 * 1024
@@ -74,7 +74,7 @@ def load_yaml(
     try:
         return convert(parse_yaml(text))
     except yaml.YAMLError as problem:
-        raise error(f"{path}: expected YAML, {in_one_line(problem)}") from None
+        raise error(f"{path}: expected YAML, {yaml_reason(problem)}") from None
     except TactileLocalizerError as problem:
         raise error(f"{path}: {problem}") from None
 
@@ -112,12 +112,12 @@ def parse_yaml(text: str) -> Any:
         raise yaml.YAMLError(f"found {problem}") from None
 
 
-def in_one_line(problem: yaml.YAMLError) -> str:
+def yaml_reason(problem: yaml.YAMLError) -> str:
     """Message of a YAML error in one line, without PyYAML's excerpt of the file."""
     mark = getattr(problem, "problem_mark", None)
     if isinstance(problem, yaml.MarkedYAMLError) and mark is not None:
         return f"{problem.problem} (line {mark.line + 1})"
-    return " ".join(str(problem).split())[:200]
+    return in_one_line(problem)
 
 
 def _error(expected: str, found: Any) -> yaml.YAMLError:

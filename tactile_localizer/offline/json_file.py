@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer import __version__
-from tactile_localizer.io.whole_file import RESULT, whole_file
+from tactile_localizer.io.whole_file import RESULT, write_text
 
 
 def plain(value: Any) -> Any:
@@ -43,5 +43,4 @@ def write_json(path: str | Path, value: Mapping[str, Any]) -> None:
     ScanError
         The file cannot be written.
     """
-    with whole_file(path) as unfinished:
-        unfinished.write_text(json_text(value), encoding="utf-8")
+    write_text(path, json_text(value))

@@ -10,7 +10,7 @@ import zstandard
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from tactile_localizer.errors import ScanError, SceneError
+from tactile_localizer.errors import ScanError, SceneError, in_one_line
 from tactile_localizer.io.bags.storage import Contents, Topic, read_storage
 from tactile_localizer.io.whole_file import open_file
 from tactile_localizer.resources import resource_path
@@ -116,7 +116,7 @@ def read_messages(
         except SceneError:
             raise
         except Exception as error:  # rosbags raises many types too
-            found.invalid.setdefault(name, [0, _one_line(error)])[0] += 1
+            found.invalid.setdefault(name, [0, in_one_line(error)])[0] += 1
         else:
             found.received.extend(() if value is None else (Received(name, received_ns, value),))
     return found
@@ -130,7 +130,7 @@ def _stored(path: Path, wanted: Mapping[str, Wanted]) -> Contents:
         raise
     except Exception as error:  # the libraries raise many types of exceptions on damaged bytes
         repair = "`ros2 bag reindex`, `mcap recover` or sqlite3 `.recover` may repair it"
-        raise ScanError(f"{path}: expected a readable bag, {_one_line(error)}; {repair}") from None
+        raise ScanError(f"{path}: expected a readable bag, {in_one_line(error)}; {repair}") from None
 
 
 def typestore() -> Typestore:
@@ -154,7 +154,7 @@ def _decoder(path: Path, topic: Topic, definitions: str | Path | None) -> Callab
         store.register(_types_in(topic) if topic.definition else {})
         store.get_msgdef(topic.kind)
     except Exception as error:  # as above, and KeyError: a type is not defined
-        reason = _one_line(error) if topic.definition else reason
+        reason = in_one_line(error) if topic.definition else reason
         store = get_typestore(Stores.EMPTY)
         store.register(typestore().fielddefs | _types_below(definitions, topic.kind))
     try:
@@ -199,11 +199,7 @@ def _types_below(folder: str | Path | None, kind: str) -> dict[str, Any]:
             with open_file(path) as file:
                 types |= get_types_from_msg(file.read().decode(), f"{package}/msg/{path.stem}")
         except Exception as error:  # as above
-            raise ScanError(f"{path}: expected a message definition, {_one_line(error)}") from None
+            raise ScanError(f"{path}: expected a message definition, {in_one_line(error)}") from None
     if not types:
         raise ScanError(f"{folder}: expected a folder of .msg files, found none")
     return types
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:300] or type(error).__name__

@@ -15,11 +15,11 @@ import can
 import yaml
 from can.interfaces.socketcan import SocketcanBus
 
-from tactile_localizer.errors import CanError
+from tactile_localizer.errors import CanError, in_one_line
 from tactile_localizer.io.can.commands import Commands
 from tactile_localizer.io.can.error_frames import CONTROLLER_STATES
 from tactile_localizer.io.can.protocol import LoadCellProtocol
-from tactile_localizer.io.yaml_file import in_one_line, parse_yaml
+from tactile_localizer.io.yaml_file import parse_yaml, yaml_reason
 
 # python-can logs the errors that it raises; the exception is enough.
 logging.getLogger("can").addHandler(logging.NullHandler())
@@ -104,9 +104,8 @@ def parse_options(texts: list[str]) -> dict[str, Any]:
         try:
             options[name] = parse_yaml(value)
         except yaml.YAMLError as error:
-            raise CanError(
-                f"bus option {text!r:.60}: expected a value in YAML, {in_one_line(error)}"
-            ) from None
+            reason = yaml_reason(error)
+            raise CanError(f"bus option {text!r:.60}: expected a value in YAML, {reason}") from None
     return options
 
 
@@ -142,7 +141,7 @@ def open_bus(settings: BusSettings, protocol: LoadCellProtocol | None = None) ->
     except Exception as error:  # interfaces raise many types of exceptions
         if bus is not None:
             bus.shutdown()
-        reason = " ".join(str(error.__cause__ or error).split()) or type(error).__name__
+        reason = in_one_line(error.__cause__ or error)
         absent = isinstance(error, OSError | can.CanInitializationError | can.CanOperationError)
         refusal = AbsentBusError if absent else CanError
         raise refusal(f"CAN bus {settings}: expected an interface that opens, got: {reason}") from error

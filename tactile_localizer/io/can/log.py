@@ -6,7 +6,7 @@ from pathlib import Path
 import can
 import numpy as np
 
-from tactile_localizer.errors import ScanError, listed
+from tactile_localizer.errors import ScanError, in_one_line, listed
 from tactile_localizer.io.can.assembler import BusCounts, Cycle, CycleAssembler
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.status import FAULT, SATURATED
@@ -48,8 +48,8 @@ def read_log(
     except ScanError:
         raise
     except Exception as error:  # readers raise many types of exceptions
-        reason = " ".join(str(error).split())[:100]
-        notes.append(f"{path}: expected a log that python-can reads (of candump: by -l), {reason!r:.100}")
+        found = repr(in_one_line(error))
+        notes.append(f"{path}: expected a log that python-can reads (of candump: by -l), {found:.100}")
     assembler.reset()
     cycles += assembler.feed([])
     if not cycles:

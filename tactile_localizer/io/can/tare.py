@@ -12,7 +12,7 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.io.can.assembler import Cycle
 from tactile_localizer.io.status import OK
-from tactile_localizer.io.whole_file import whole_file
+from tactile_localizer.io.whole_file import write_text
 from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.quantity import number
 
@@ -94,8 +94,7 @@ def store_tare(path: Path, phalanges: Sequence[str], offset: np.ndarray, layout:
         if values.any():
             stored[name] = [float(value) for value in values]
     text = yaml.safe_dump(stored, default_flow_style=None)
-    with whole_file(path, ParameterError) as unfinished:
-        unfinished.write_text(f"# Tare offsets, V, one per channel\n{text}", encoding="utf-8")
+    write_text(path, f"# Tare offsets, V, one per channel\n{text}", ParameterError)
 
 
 def _read(path: Path) -> dict[str, list[float]]:

@@ -25,7 +25,7 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError, SceneError
 from tactile_localizer.io.recording import SCENE_OF_SCAN
 from tactile_localizer.io.scene_file import load_scene, scene_to_dict
-from tactile_localizer.io.whole_file import RESULT, open_file, whole_file
+from tactile_localizer.io.whole_file import RESULT, open_file, write_text
 from tactile_localizer.scene import Scene
 
 _log = logging.getLogger(__name__)
@@ -81,8 +81,7 @@ def store_calibration(path: Path, digest: str, calibration: Calibration) -> None
     }
     text = json.dumps(_content(digest, learned), indent=2) + "\n"
     try:
-        with whole_file(path) as unfinished:
-            unfinished.write_text(text, encoding="utf-8")
+        write_text(path, text)
     except ScanError as error:
         _log.warning("%s; the next start calibrates again", error)
 
