@@ -3,18 +3,15 @@
 ros2 launch tactile_localizer localize.launch.py scan_file:=bump_scan
 """
 
-from launch.actions import DeclareLaunchArgument
-
 from launch import LaunchDescription
-from tactile_localizer.ros.launching import NODE, nodes, shared_arguments
+from tactile_localizer.ros.launching import NODE, arguments, nodes
 
 
 def generate_launch_description():
     """The filter."""
     return LaunchDescription(
         [
-            DeclareLaunchArgument("scan_file", description="Scan (folder) that is the map"),
-            *shared_arguments("pose_topic", *NODE),
+            *arguments("scan_file", "pose_topic", *NODE),
             nodes("filter"),
         ]
     )

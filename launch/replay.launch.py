@@ -13,7 +13,7 @@ from launch_ros.events.lifecycle import ChangeState
 from lifecycle_msgs.msg import Transition
 
 from launch import LaunchDescription, actions
-from tactile_localizer.ros.launching import failure, nodes, shared_arguments
+from tactile_localizer.ros.launching import arguments, failure, nodes
 
 WITHOUT = (
     ".*/tactile_filter/(posterior|pose|converged|particles|markers|map|transition_event)|/diagnostics|/clock"
@@ -71,10 +71,7 @@ def generate_launch_description():
     drained = actions.OpaqueFunction(function=on_inactive)
     return LaunchDescription(
         [
-            actions.DeclareLaunchArgument("bag", description="Bag to play"),
-            actions.DeclareLaunchArgument("scan_file", description="Scan (folder) that is the map"),
-            actions.DeclareLaunchArgument("rate", default_value="1.0", description="Speed of the replay"),
-            *shared_arguments("pose_topic", "namespace", "params_file"),
+            *arguments("bag", "scan_file", "rate", "pose_topic", "namespace", "params_file"),
             nodes("filter", **PARAMETERS),
             actions.RegisterEventHandler(OnProcessExit(on_exit=on_exit)),
             actions.RegisterEventHandler(OnStateTransition(start_state="deactivating", entities=[drained])),

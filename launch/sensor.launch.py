@@ -6,9 +6,9 @@ ros2 launch tactile_localizer sensor.launch.py params_file:=hand.yaml
 from launch.substitutions import LaunchConfiguration
 
 from launch import LaunchDescription
-from tactile_localizer.ros.launching import NODE, nodes, shared_arguments
+from tactile_localizer.ros.launching import NODE, arguments, nodes
 
 
 def generate_launch_description():
     """Driver or adapter."""
-    return LaunchDescription([*shared_arguments("sensor", *NODE), nodes(LaunchConfiguration("sensor"))])
+    return LaunchDescription([*arguments("sensor", *NODE), nodes(LaunchConfiguration("sensor"))])

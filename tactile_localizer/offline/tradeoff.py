@@ -18,7 +18,7 @@ from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ParameterError
+from tactile_localizer.errors import ParameterError, TactileLocalizerError, located
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.offline.metrics import covered, position_error, timing, with_contact
@@ -182,7 +182,7 @@ def _measure(
         localizer = build_localizer(scan, scene, configuration, rng, calibration=calibration)
         sweeps = replay(localizer, recording)
     except Exception as error:  # of any kind, also of a user's model: the other candidates keep their rows
-        return f"{type(error).__name__}: {error}"
+        return str(error) if isinstance(error, TactileLocalizerError) else located(error)
     times = timing(sweeps)
     if times["us_per_mm"] is None:
         return f"{recording.source}: expected sweeps with measurement updates, found none"

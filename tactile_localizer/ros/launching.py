@@ -24,7 +24,12 @@ NODE = ("namespace", "params_file", "use_sim_time", "autostart")
 
 _FLAGS = ("use_sim_time", "autostart")
 _FLAG = {"default_value": "", "choices": ["", "true", "false", "True", "False"]}
-_SHARED: dict[str, dict[str, Any]] = {
+_ARGUMENTS: dict[str, dict[str, Any]] = {
+    "mode": {"choices": ["scan", "localize"], "description": "Mapping or filter"},
+    "bag": {"description": "Bag to play"},
+    "rate": {"default_value": "1.0", "description": "Speed of the replay"},
+    "scan_file": {"description": "Scan (folder) that is the map, or to record or continue"},
+    "scene_file": {"description": "Scene (YAML) to record: axes and phalanges"},
     "pose_topic": {"default_value": "palm_pose", "description": "Topic of the palm poses"},
     "sensor": {
         "default_value": "driver",
@@ -36,18 +41,24 @@ _SHARED: dict[str, dict[str, Any]] = {
     "use_sim_time": {**_FLAG, "description": "Time of /clock; if empty, as the parameter file has it"},
     "autostart": {**_FLAG, "description": "Start working; if empty, as the parameter file has it"},
 }
-_PARAMETERS = {"filter": ["scan_file"], "mapping": ["scan_file", "scene_file"], "simulator": ["mode"]}
-"""Arguments that are parameters of a node."""
+_PARAMETERS: dict[str, tuple[str, ...]] = {
+    "driver": (),
+    "adapter": (),
+    "mapping": ("scan_file", "scene_file"),
+    "filter": ("scan_file",),
+    "simulator": ("mode",),
+}
+"""Nodes, without the begin of their names, and the arguments that are parameters of each."""
 
 
-_ARGUMENTS = {*_SHARED, "scan_file", "scene_file", "mode", "bag", "rate"}
-_NODES = [f"tactile_{kind}" for kind in ("driver", "adapter", "mapping", "filter", "simulator")]
+def arguments(*names: str, params_file: str = "robot.yaml", **defaults: str) -> list[DeclareLaunchArgument]:
+    """Declarations of arguments, some with another default.
 
-
-def shared_arguments(*names: str, params_file: str = "robot.yaml") -> list[DeclareLaunchArgument]:
-    """Declarations of arguments; ``params_file`` is the default parameter file, of those that are shipped."""
-    defaults = {"params_file": {"default_value": str(resource_path(f"config/{params_file}"))}}
-    return [DeclareLaunchArgument(name, **_SHARED[name], **defaults.get(name, {})) for name in names]
+    ``params_file`` is one of the shipped parameter files.
+    """
+    defaults["params_file"] = str(resource_path(f"config/{params_file}"))
+    changed = {name: {"default_value": default} for name, default in defaults.items()}
+    return [DeclareLaunchArgument(name, **_ARGUMENTS[name], **changed.get(name, {})) for name in names]
 
 
 def nodes(*kinds: Any, **parameters: Any) -> OpaqueFunction:
@@ -70,12 +81,12 @@ def _nodes(context: LaunchContext, kinds: tuple[Any, ...], fixed: dict[str, Any]
     if not file.is_file():
         return [failure(f"params_file: expected a file, found none: {file}")]
     _warn_of_misspelt("argument", given, _ARGUMENTS, 0.8)
-    _warn_of_misspelt(f"{file}:", _sections(file), _NODES, 0.6)
+    _warn_of_misspelt(f"{file}:", _sections(file), [f"tactile_{kind}" for kind in _PARAMETERS], 0.6)
     flags = {name: given[name].lower() == "true" for name in _FLAGS if given.get(name)}
     actions = []
     for kind in kinds:
         name = kind if isinstance(kind, str) else context.perform_substitution(kind)
-        own = {key: ParameterValue(given[key], value_type=str) for key in _PARAMETERS.get(name, ())}
+        own = {key: ParameterValue(given[key], value_type=str) for key in _PARAMETERS[name]}
         actions.append(
             LifecycleNode(
                 package="tactile_localizer",
