@@ -1,5 +1,7 @@
 """The filter in simulated time: clocks that stop, run and jump, looping bags, late subscribers."""
 
+import re
+
 import pytest
 from support.sweeps import START_NS, SlidingHand, stamp_of, unseen_sweep
 
@@ -62,6 +64,22 @@ def test_without_a_clock_stamps_determine_the_time(filter_in_simulated_time, pro
     slide(probe, hand, posteriors, 40)
     fresh = [message for message in posteriors if not message.stale]
     assert [hand.sample_of(message) for message in fresh] == list(range(40))
+
+
+def test_simulated_time_without_a_clock_is_reported(filter_in_simulated_time, probe):
+    from diagnostic_msgs.msg import DiagnosticStatus
+
+    process, _, _ = filter_in_simulated_time
+    reports, problem = probe.diagnostics(), "use_sim_time: no time on /clock ({})"
+    probe.until(lambda: reports, "diagnostics")
+    for status in reports[-1].status:
+        assert status.level == DiagnosticStatus.WARN
+        assert status.message.startswith(problem.format("0 publishers"))
+    process.wait_for_line(r"\[WARN\].*" + re.escape(problem.format("0 publishers")))
+    clock = Clock(probe)
+    probe.until(lambda: problem.format("1 publisher") in reports[-1].status[0].message, "its publisher")
+    clock.show_until_seen()
+    assert not any("use_sim_time" in status.message for status in reports[-1].status)
 
 
 def test_estimates_age_only_while_the_clock_runs(filter_in_simulated_time, probe):

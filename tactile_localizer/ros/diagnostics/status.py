@@ -7,9 +7,12 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from tactile_localizer.errors import counted
 from tactile_localizer.ros.base.managed_node import ManagedNode
 
 _PERIOD_S = 1.0
+_CLOCK_STARTS_S = 10.0
+"""Time without ``/clock`` that is logged, s: a replay starts it once the filter is active (judgement)."""
 
 
 class DiagnosticsPublisher:
@@ -25,6 +28,7 @@ class DiagnosticsPublisher:
         self._node, self._hardware_id = node, hardware_id
         self._name = node.get_fully_qualified_name().lstrip("/")
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._had_time_s = time.monotonic()
 
     def status(self, name: str, level: bytes, message: str, values: Mapping[str, Any]) -> DiagnosticStatus:
         """A status of this node; ``values`` are converted to text, and their names get underscores."""
@@ -41,10 +45,26 @@ class DiagnosticsPublisher:
         self._node.create_timer(_PERIOD_S, lambda: self.publish(*statuses()))
 
     def publish(self, *statuses: DiagnosticStatus) -> None:
-        """Publish statuses with the present time."""
+        """Publish statuses with the present time; none is OK while simulated time has no source."""
+        now_s = time.monotonic()
+        if problem := self._time_problem():
+            for status in statuses:
+                status.level = max(status.level, DiagnosticStatus.WARN)
+                status.message = f"{problem}; {status.message}"
+            if now_s - self._had_time_s > _CLOCK_STARTS_S:
+                self._node.get_logger().warning(problem, once=True)
+        else:
+            self._had_time_s = now_s
         message = DiagnosticArray(status=statuses)
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
+
+    def _time_problem(self) -> str:
+        topic = self._node.resolve_topic_name("/clock")
+        publishers = self._node.count_publishers(topic)
+        if not self._node.get_parameter("use_sim_time").value or (publishers and self._node.now_ns):
+            return ""
+        return f"use_sim_time: no time on {topic} ({counted(publishers, 'publisher')})"
 
 
 class Increments:
