@@ -212,6 +212,13 @@ def test_live_parameters_keep_the_belief(start, probe):
     assert node.fresh()[-1].converged
 
 
+def test_a_file_of_the_scan_that_is_not_used_is_a_warning_of_the_node(node_process, tmp_path):
+    write_scan(tmp_path / "scan", short=True)
+    (tmp_path / "scan" / "sweep_old.npy").touch()
+    node = node_process("filter_node", {"scan_file": tmp_path / "scan", **CELL})
+    node.wait_for_line(r"\[WARN\] .*\[tactile_filter\]: .*sweep_old.npy: .* it is not used")
+
+
 def test_each_configuration_field_is_a_parameter():
     from tactile_localizer.ros.filter_parameters import CONFIGURATION
 

@@ -1,6 +1,7 @@
 """Main function of the executables: runs a node until the process is asked to end."""
 
 import gc
+import logging
 import signal
 import threading
 from collections.abc import Callable, Sequence
@@ -46,6 +47,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         rclpy.logging.get_logger("tactile_localizer").error(reason)
         rclpy.try_shutdown()
         return REJECTED
+    logging.getLogger("tactile_localizer").addHandler(_ToRos(node))
     try:
         return _spin(node, ended)
     finally:
@@ -54,6 +56,17 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         node.close()
         node.destroy_node()
         rclpy.shutdown()
+
+
+class _ToRos(logging.Handler):
+    """Makes warnings of the package, such as of files that are not used, warnings of a node."""
+
+    def __init__(self, node: ManagedNode) -> None:
+        super().__init__(logging.WARNING)
+        self._log = node.get_logger()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._log.warning(record.getMessage())
 
 
 def _spin(node: ManagedNode, ended: threading.Event) -> int:
