@@ -1,7 +1,5 @@
 """Frames become cycles by time, and samples by the load cell's counter."""
 
-from __future__ import annotations
-
 from copy import copy
 from pathlib import Path
 
@@ -10,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.load_cells import PERIOD_NS, START_NS, cycle, number_of, protocol, sample
+from support.load_cells import PERIOD_NS, START_NS, cycle, number_of, protocol, sample, write_cells
 
 from tactile_localizer.io.can.assembler import Cycle, CycleAssembler
 from tactile_localizer.io.can.cut import SHORTEST_PERIOD_NS
@@ -112,15 +110,6 @@ def test_lost_frames_are_counted_exactly(lost: set[int]) -> None:
     whole = [[None if {4 * n + 2 * p, 4 * n + 2 * p + 1} & lost else n for p in range(2)] for n in range(100)]
     received = [n for n in range(100) if not set(range(4 * n, 4 * n + 4)) <= lost]
     assert samples(made) == [whole[n] for n in received]
-
-
-def test_a_silence_of_one_load_cell_is_counted_beyond_the_span_of_its_counter() -> None:
-    frames = [frame for n in range(100) for frame in (sample(HAND, 0, n) if 10 <= n < 60 else cycle(HAND, n))]
-    assembler = started()
-    numbers = samples(assembled(frames, assembler))
-    assert numbers == [[n, None if 10 <= n < 60 else n] for n in range(100)]
-    assert [one.drops for one in assembler.counts.phalanges] == [0, 100]
-    assert [one.missing for one in assembler.counts.phalanges] == [0, 50]
 
 
 @pytest.mark.parametrize("silence", [5, 16, 432, 435])
@@ -281,24 +270,10 @@ def test_faults_and_saturation_are_statuses_of_the_phalanx() -> None:
     assert [(one.saturated, one.faults) for one in assembler.counts.phalanges] == [(1, 0), (0, 1)]
 
 
-HEAD = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: hand robot\n'
-
-
-def message(number: int, name: str, channels: int) -> str:
-    lines = [f"\nBO_ {number} {name}: {64 if channels > 3 else 8} hand\n"]
-    lines += [f' SG_ ch_{k + 1} : {16 * k}|16@1- (0.001,0) [0|0] "V" robot\n' for k in range(channels)]
-    lines.append(f' SG_ counter : {16 * channels}|8@1+ (1,0) [0|0] "" robot\n')
-    return "".join(lines)
-
-
-def own(folder: Path, *messages: str) -> LoadCellProtocol:
-    (folder / "own.dbc").write_text(HEAD + "".join(messages))
-    names = SignalNames(tuple(f"ch_{n}" for n in range(1, 20)))
-    return LoadCellProtocol(folder / "own.dbc", ["index", "thumb"], names=names)
-
-
 def test_phalanges_have_the_channels_of_the_dbc(tmp_path: Path) -> None:
-    hand = own(tmp_path, message(16, "index", 19), message(17, "thumb", 3))
+    gauges = [f"ch_{n}" for n in range(1, 20)]
+    path = write_cells(tmp_path / "own.dbc", {"index": gauges, "thumb": gauges[:3]}, "8 [0|0]", volts=0.001)
+    hand = LoadCellProtocol(path, ["index", "thumb"], names=SignalNames(tuple(gauges)))
     assert hand.channels.counts == (19, 3)
     strain = 0.001 * np.arange(22.0)
     index, thumb = (

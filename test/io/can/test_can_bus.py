@@ -1,7 +1,5 @@
 """A bus is opened with its filters and its buffer, or refused in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

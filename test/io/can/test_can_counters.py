@@ -1,7 +1,5 @@
 """Counters that count samples, messages, all frames, samples inside the sensor, microseconds, or nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +7,7 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
+from support.load_cells import write_cells
 
 from tactile_localizer.io.can.assembler import Cycle, CycleAssembler, PhalanxCounts
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
@@ -19,12 +18,8 @@ PERIOD_S = 0.02
 
 def hand(folder: Path, bits: int = 16, limits: str = "[0|0]", parts: str = "ab") -> LoadCellProtocol:
     """A load cell of one gauge and one counter per message; the strain is the number of the sample, V."""
-    text = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: hand\n\n'
-    for k, part in enumerate(parts):
-        text += f'BO_ {256 + k} index_{part}: 6 hand\n SG_ gauge_{k + 1} : 0|16@1- (1,0) [0|0] "V" hand\n'
-        text += f' SG_ counter : 16|{bits}@1+ (1,0) {limits} "" hand\n\n'
-    (folder / "hand.dbc").write_text(text)
-    return LoadCellProtocol(folder / "hand.dbc", ["index"])
+    cells = {f"index_{part}": [f"gauge_{k + 1}"] for k, part in enumerate(parts)}
+    return LoadCellProtocol(write_cells(folder / "hand.dbc", cells, f"{bits} {limits}"), ["index"])
 
 
 @dataclass
@@ -54,12 +49,6 @@ class Sender:
         ]
 
 
-def received(sender: Sender, count: int = 300, lost: set[tuple[int, int]] | None = None) -> Received:
-    assembler = CycleAssembler(sender.hand)
-    cycles = assembler.feed(sender.frames(range(count), lost))
-    return Received(cycles, assembler.counts.phalanges[0], assembler.counts.frames)
-
-
 @dataclass
 class Received:
     cycles: list[Cycle]
@@ -69,6 +58,12 @@ class Received:
     @property
     def complete(self) -> int:
         return sum(not one.status.any() for one in self.cycles)
+
+
+def received(sender: Sender, count: int = 300, lost: set[tuple[int, int]] | None = None) -> Received:
+    assembler = CycleAssembler(sender.hand)
+    cycles = assembler.feed(sender.frames(range(count), lost))
+    return Received(cycles, assembler.counts.phalanges[0], assembler.counts.frames)
 
 
 rng = np.random.default_rng(0)
@@ -187,12 +182,8 @@ def test_a_silence_of_the_whole_bus_is_not_a_restart(tmp_path: Path) -> None:
 
 
 def test_each_load_cell_counts_by_its_own_rate(tmp_path: Path) -> None:
-    text = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: hand\n\n'
-    for k, name in enumerate(("index", "thumb")):
-        text += f'BO_ {256 + k} {name}: 6 hand\n SG_ gauge_1 : 0|16@1- (1,0) [0|0] "V" hand\n'
-        text += ' SG_ counter : 16|4@1+ (1,0) [0|0] "" hand\n\n'
-    (tmp_path / "hand.dbc").write_text(text)
-    both = LoadCellProtocol(tmp_path / "hand.dbc", ["index", "thumb"])
+    cells = dict.fromkeys(("index", "thumb"), ("gauge_1",))
+    both = LoadCellProtocol(write_cells(tmp_path / "hand.dbc", cells, "4 [0|0]"), [*cells])
     frames = []
     for k, period_s in enumerate((0.01, 0.05)):
         for n in range(int(6 / period_s)):

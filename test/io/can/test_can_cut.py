@@ -1,7 +1,5 @@
 """The frames on a bus are cut into cycles by their order, whatever their pace."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A DBC file describes the load cells, whatever else is in it, or is refused in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

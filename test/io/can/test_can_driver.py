@@ -1,7 +1,5 @@
 """The driver on a simulated bus with faults, its tare, and frames that are late."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

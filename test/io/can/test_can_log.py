@@ -1,7 +1,5 @@
 """Recorded CAN logs are read in the formats of python-can, with their stamps."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import can

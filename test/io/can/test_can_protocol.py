@@ -1,7 +1,5 @@
 """Frames are decoded to volts for any layout, and classified."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

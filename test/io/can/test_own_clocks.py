@@ -1,12 +1,11 @@
 """Load cells without a common clock: cycles are cut at the largest gap between their frames."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
+from support.load_cells import write_cells
 
 from tactile_localizer.io.can.assembler import Cycle, CycleAssembler
 from tactile_localizer.io.can.protocol import LoadCellProtocol
@@ -17,11 +16,8 @@ RATE_HZ = 50
 
 def hand(folder: Path, cells: int) -> LoadCellProtocol:
     """Load cells of one gauge each, without counters; the strain is the number of the sample, V."""
-    text = 'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: hand\n\n'
-    for k in range(cells):
-        text += f'BO_ {256 + k} cell{k:02d}: 2 hand\n SG_ gauge_1 : 0|16@1- (1,0) [0|0] "V" hand\n\n'
-    (folder / "hand.dbc").write_text(text)
-    return LoadCellProtocol(folder / "hand.dbc", [f"cell{k:02d}" for k in range(cells)])
+    names = [f"cell{k:02d}" for k in range(cells)]
+    return LoadCellProtocol(write_cells(folder / "hand.dbc", dict.fromkeys(names, ("gauge_1",))), names)
 
 
 def cycles_of(own: LoadCellProtocol, times_s: list[np.ndarray], lost: set[tuple[int, int]]) -> list[Cycle]:

@@ -1,7 +1,5 @@
 """The receive thread delivers frames in order, survives failures of the bus, and stops on request."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterator

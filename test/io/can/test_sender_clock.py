@@ -1,7 +1,5 @@
 """Stamps of a sender's clock become receive times of this machine, whatever that clock does."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tare: the average of a hand at rest, stored in a file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

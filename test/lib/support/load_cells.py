@@ -1,8 +1,6 @@
 """Frames of load cells whose samples are distinguishable by their voltages."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import can
@@ -27,6 +25,29 @@ def write_dbc(path: Path, text: str) -> Path:
     """Write a DBC; returns its path."""
     path.write_text(text)
     return path
+
+
+def write_cells(
+    path: Path, cells: Mapping[str, Sequence[str]], counter: str = "", volts: float = 1.0
+) -> Path:
+    """Write a DBC with messages of gauges, from identifier 0x100 on; returns its path.
+
+    Parameters
+    ----------
+    cells : gauges of each message, each of 16 bits
+    counter : size and range of a counter behind the gauges, such as ``4 [0|14]``; empty: none
+    volts : resolution of the gauges, V
+    """
+    text = HEAD
+    for k, (name, gauges) in enumerate(cells.items()):
+        text += f"BO_ {256 + k} {name}: {2 * len(gauges) + 4 * bool(counter)} hand\n"
+        for n, gauge in enumerate(gauges):
+            text += f' SG_ {gauge} : {16 * n}|16@1- ({volts},0) [0|0] "V" hand\n'
+        if counter:
+            bits, limits = counter.split()
+            text += f' SG_ counter : {16 * len(gauges)}|{bits}@1+ (1,0) {limits} "" hand\n'
+        text += "\n"
+    return write_dbc(path, text)
 
 
 def protocol(phalanges: Sequence[str] = ("index", "middle"), dbc: str = "loadcells.dbc") -> LoadCellProtocol:
