@@ -11,17 +11,24 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import deserialize_message
 from support.waiting import StarvedError, children, has_ended, wait_until
 
+from tactile_localizer.cli import main
+from tactile_localizer.demo.nodes import own_domain
+from tactile_localizer.demo.session import Operator, require_sweeps
 from tactile_localizer.errors import LiveError
 from tactile_localizer.io.bags.reader import Wanted, read_messages
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.whole_file import RESULT
+from tactile_localizer.msg import StrainVectors
+from tactile_localizer.ros.conversions import from_ns
 from tactile_localizer.scene import Axis, Phalanx, Scene
 from tactile_localizer.streams.runs import stamp_of
-
-pytestmark = pytest.mark.ros
 
 
 def test_an_interrupt_stops_all_processes(process, tmp_path):
@@ -36,8 +43,6 @@ def test_an_interrupt_stops_all_processes(process, tmp_path):
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGHUP], ids=["Ctrl-C", "the terminal closed"])
 def test_an_interrupt_lets_what_runs_finish(how):
-    from tactile_localizer.demo.session import Operator
-
     if (before := signal.getsignal(how)) is signal.SIG_IGN:
         pytest.skip("the tests were started by nohup, which the demo heeds too")
     finished = []
@@ -54,15 +59,6 @@ def test_an_interrupt_lets_what_runs_finish(how):
 
 
 def test_a_recording_that_is_late_slows_the_hand_down_and_keeps_the_times_of_sending(monkeypatch):
-    import rclpy
-    from rclpy.executors import SingleThreadedExecutor
-    from rclpy.serialization import deserialize_message
-
-    from tactile_localizer.demo.nodes import own_domain
-    from tactile_localizer.demo.session import Operator
-    from tactile_localizer.msg import StrainVectors
-    from tactile_localizer.ros.conversions import from_ns
-
     monkeypatch.setenv("ROS_DOMAIN_ID", os.environ["ROS_DOMAIN_ID"])  # restored after the test
     recorded, sent_ns, age_s = [], [], [1.0]
 
@@ -100,21 +96,16 @@ def test_a_recording_that_is_late_slows_the_hand_down_and_keeps_the_times_of_sen
 
 
 def test_a_step_lasts_for_as_long_as_a_node_reports_progress(monkeypatch):
-    import rclpy
-    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-
-    from tactile_localizer.demo import session
-
     passed_s = [0.0]
     clock = SimpleNamespace(monotonic=lambda: passed_s[0], time_ns=time.time_ns)
-    monkeypatch.setattr(session, "time", clock)
+    monkeypatch.setattr("tactile_localizer.demo.session.time", clock)
     name, steps = "tactile_filter: map", iter(range(1, 6))
 
     def values(**values):
         return [KeyValue(key=key, value=str(value)) for key, value in values.items()]
 
     said: list[str] = []
-    started = session.Operator(lambda *_: None, lambda: None, said.append)
+    started = Operator(lambda *_: None, lambda: None, said.append)
     with contextlib.closing(started) as operator:
         node = rclpy.create_node("tactile_filter")
         diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -144,19 +135,21 @@ def test_a_step_lasts_for_as_long_as_a_node_reports_progress(monkeypatch):
             node.destroy_node()
 
 
-ONE_ALONG_EACH_LINE = """
+LINES = 11
+"""Lines of the scan: those over the half of the sheet where the first test sweeps are."""
+OF_HALF_THE_SHEET = f"""
 from tactile_localizer.cli import main
 from tactile_localizer.demo import session
-session.SCAN_SWEEPS = session.TRAINING_SWEEPS
+session.SCAN_SWEEPS = {LINES}
 raise SystemExit(main())
 """
-"""The command, with half the training sweeps."""
+"""The command, with fewer training sweeps."""
 
 
 @pytest.mark.slow
 def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     folder = tmp_path / "demo"
-    command = [sys.executable, "-c", ONE_ALONG_EACH_LINE, "demo", "--out", folder]
+    command = [sys.executable, "-c", OF_HALF_THE_SHEET, "demo", "--out", folder]
     demo = process([*command, "--sweeps", "3"])
     status = demo.wait(timeout_s=600.0)
     steps, replayed = demo.output.split("$ tactile-localizer replay ")
@@ -172,7 +165,7 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     assert status == (0 if verdict["success"] else 1), demo.output
     assert [line for line in demo.lines if len(line) > 80 and str(tmp_path) not in line] == []
     assert (folder / "replay.png").stat().st_size > 10_000
-    assert len(ScanFolder(folder / "scan").recording().sweeps) == 21
+    assert len(ScanFolder(folder / "scan").recording().sweeps) == LINES
     logs = {log.stem: log.read_text() for log in (folder / "log").glob("*.log")}
     assert logs.keys() == {"simulator", "driver", "mapping", "filter"}
     assert not any("Traceback" in text for text in logs.values())
@@ -191,8 +184,6 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
 
 
 def test_a_scan_with_an_empty_sweep_is_no_success(tmp_path):
-    from tactile_localizer.demo.session import require_sweeps
-
     scene = Scene("line", (Axis("x", 0.0, 1.0),), (Phalanx("index", (0.0,)),))
     with ScanWriter(tmp_path / "scan", scene) as writer:
         for number in (1, 2):
@@ -207,7 +198,7 @@ def test_a_scan_with_an_empty_sweep_is_no_success(tmp_path):
         require_sweeps(tmp_path / "scan", 2)
 
 
-def session(monkeypatch, folder):
+def end_at_once(monkeypatch, folder):
     """Stands for the session of the nodes: their files are written, and the demo ends."""
 
     def record(*_):
@@ -220,9 +211,7 @@ def session(monkeypatch, folder):
 
 
 def test_an_earlier_session_is_replaced(monkeypatch, tmp_path, capsys):
-    from tactile_localizer.cli import main
-
-    session(monkeypatch, tmp_path)
+    end_at_once(monkeypatch, tmp_path)
     for _ in range(3):
         assert main(["demo", "--out", str(tmp_path)]) == 2
         assert capsys.readouterr().err == "error: begun\n"
@@ -240,9 +229,7 @@ def test_an_earlier_session_is_replaced(monkeypatch, tmp_path, capsys):
     ],
 )
 def test_a_session_with_what_is_not_of_the_demo_stays(monkeypatch, tmp_path, capsys, name):
-    from tactile_localizer.cli import main
-
-    session(monkeypatch, tmp_path)
+    end_at_once(monkeypatch, tmp_path)
     assert main(["demo", "--out", str(tmp_path)]) == 2
     capsys.readouterr()
     (tmp_path / name).parent.mkdir(exist_ok=True)
@@ -254,17 +241,13 @@ def test_a_session_with_what_is_not_of_the_demo_stays(monkeypatch, tmp_path, cap
 
 
 def test_a_lost_frame_is_no_success(monkeypatch, tmp_path, capsys):
-    from tactile_localizer.cli import demo, main
-
     monkeypatch.setattr("tactile_localizer.demo.session.record_session", lambda *_: 3)
-    monkeypatch.setattr(demo, "main", lambda _: 0)
+    monkeypatch.setattr("tactile_localizer.cli.demo.main", lambda _: 0)
     assert main(["demo", "--out", str(tmp_path)]) == 2
     assert "expected every frame in the bag, 3 were lost" in capsys.readouterr().err
 
 
 def test_a_demo_without_a_sweep_is_refused_before_the_scan(tmp_path, capsys):
-    from tactile_localizer.cli import main
-
     assert main(["demo", "--sweeps", "0", "--out", str(tmp_path / "demo")]) == 2
     assert capsys.readouterr().err == "error: --sweeps: expected at least 1, got 0\n"
     assert not (tmp_path / "demo").exists()
