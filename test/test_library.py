@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from contextlib import redirect_stdout
+from functools import lru_cache
 from io import StringIO
 from pathlib import Path
 
@@ -100,8 +101,13 @@ def build(recorded, **choices):
     localizer(recorded, configuration=Configuration(**choices))
 
 
+@lru_cache
+def built(recorded):
+    return localizer(recorded)
+
+
 def update(recorded, stamp_ns=0, position=(0.01, 0.01), strain=(0.0,) * 16):
-    localizer(recorded).update(stamp_ns, np.array(position), np.array(strain))
+    built(recorded).update(stamp_ns, np.array(position), np.array(strain))
 
 
 @pytest.mark.parametrize(
@@ -147,7 +153,7 @@ def test_every_public_name_is_there():
 def test_objects_are_shown_in_one_line(recorded):
     scan, scene = tactile_localizer.load_scan(recorded / "bump_scan")
     recording = tactile_localizer.read_recording(recorded / "test.csv.gz", scene)
-    shown = [repr(each) for each in (scan, recording, recording.sweeps[0], localizer(recorded))]
+    shown = [repr(each) for each in (scan, recording, recording.sweeps[0], built(recorded))]
     assert shown == [
         f"<Scan of {len(scan)} pairs in 42 sweeps along x, y: index, middle, 16 channels>",
         f"<Recording {recorded / 'test.csv.gz'} of {len(recording)} samples in 18 sweeps>",

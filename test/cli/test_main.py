@@ -1,7 +1,5 @@
 """The command line: subcommands, exit status, errors."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Progress on terminals and elsewhere."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

@@ -1,7 +1,5 @@
 """The command `replay`."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
@@ -10,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.bags import pose, strain, write_bag
+from support.learned import unexamined
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.configuration_file import load_configuration
@@ -227,6 +226,7 @@ def test_fabric_is_localized_globally(
     data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn", unexamined)
     files = [str(data_dir / "fabric_slide" / f"Linen_F250_V20mmps_{repeat}.csv") for repeat in range(3)]
     reading = ["--columns", "fabric_slide.yaml", "--column", "x=timestamp*2e-5", "--scene", "linen.yaml"]
     assert main(["import", "csv", *files[:2], *reading, "-o", "linen_scan"]) == 0

@@ -1,7 +1,5 @@
 """The command ``tradeoff``."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +13,10 @@ from tactile_localizer.io.scans import learned
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.resources import resource_path
 
-COMMAND = "tradeoff strain_0.csv strain_1.csv --poses poses_0.csv --poses poses_1.csv --scan bump_scan"
+COMMAND = (
+    "tradeoff strain_0.csv strain_1.csv --poses poses_0.csv --poses poses_1.csv --scan bump_scan"
+    " --configurations fast"
+)
 
 
 @pytest.mark.slow
@@ -39,16 +40,15 @@ def test_configurations_are_compared_on_an_own_scan_without_a_region(
             np.savetxt(f"{kind}_{sweep}.csv", own, "%.9f", delimiter=",", header=header, comments="")
     Path("own.yaml").write_text("cell: 1.0\nupdate_distance: 0.001\n")
     Path("region.yaml").write_text("model: tactile_localizer.paper:Featureless\nfilter: particle\n")
-    command = f"{COMMAND} --configurations own.yaml region.yaml fast".split()
-    assert main([*command, "--target-mm", "100"]) == 0
+    assert main(f"{COMMAND} own.yaml region.yaml --target-mm 100".split()) == 0
     printed = capsys.readouterr().out
     assert max(map(len, printed.partition("region:")[0].splitlines())) <= 80
     assert "region: not measured, scene bump: expected a feature region" in printed
     document = json.loads(Path("tradeoff/tradeoff.json").read_text())
-    assert [one["candidate"] for one in document["candidates"]] == ["own", "fast"]
+    assert [one["candidate"] for one in document["candidates"]] == ["fast", "own"]
     assert [one["verdict"]["right"] for one in document["candidates"]] == [2, 2]
     assert Path("tradeoff/tradeoff.png").stat().st_size > 10_000
     assert main(["replay", "test.csv", "--scan", "bump_scan", "--config", "tradeoff/configuration.yaml"]) == 0
     monkeypatch.setattr(learned, "learn", None)  # the calibration is stored
-    assert main([*command, "--target-mm", "1e-9"]) == 1
+    assert main(f"{COMMAND} --target-mm 1e-9".split()) == 1
     assert "none; nearest is" in capsys.readouterr().out
