@@ -1,7 +1,5 @@
 """Fixtures of all tests: repeatable random tests, a separate ROS domain, processes that are always ended."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import signal
@@ -36,6 +34,17 @@ def _why_no_ros() -> str | None:
     if importlib.util.find_spec("tactile_localizer.msg") is None:
         return "the messages are not built: `make build` builds them"
     return None
+
+
+def pytest_report_header() -> str | None:
+    """Print why tests of nodes are left out."""
+    return _why_no_ros()
+
+
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    """Without ROS, leave out the folders whose modules import it."""
+    folder = collection_path.relative_to(Path(__file__).parent).parts[:1]
+    return (folder in {("demo",), ("launch",), ("ros",), ("soak",)} and bool(_why_no_ros())) or None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -1,12 +1,15 @@
 """Valid parameters of the nodes."""
 
-from __future__ import annotations
-
+import importlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import rclpy
 from support.bags import SCENE
+from support.hand import DEEP_QUEUE, Hand
+from support.processes import Process, node_command
 from support.sweeps import write_scan
 
 from tactile_localizer.io.scene_file import save_scene
@@ -26,6 +29,40 @@ def files(tmp_path: Path) -> dict[str, Path]:
     """Parameters of a mapping node for the sheet of :mod:`support.bags`, and a scan that is not there yet."""
     save_scene(SCENE, tmp_path / "scene.yaml")
     return {"scene_file": tmp_path / "scene.yaml", "scan_file": tmp_path / "bump_scan"}
+
+
+@pytest.fixture
+def construct() -> Iterator[Any]:
+    """Construct a node in this process, in place of the one before: ``construct("driver", parameters)``."""
+    made: list[Any] = []
+
+    def close() -> None:
+        for node in made:
+            node.close()
+            node.destroy_node()
+        made.clear()
+        rclpy.try_shutdown()
+
+    def start(name: str, parameters: dict[str, Any]) -> Any:
+        close()
+        rclpy.init(args=node_command(f"{name}_node", parameters)[1:])
+        module = importlib.import_module(f"tactile_localizer.ros.{name}_node")
+        made.append(getattr(module, f"{name.title()}Node")())
+        return made[0]
+
+    yield start
+    close()
+
+
+@pytest.fixture
+def mapping(node_process: Any, probe: Any, files: dict[str, Path]) -> Any:
+    """Start a mapping node: ``mapping(patience_s=1.0)`` is its process, and the hand that it records."""
+
+    def start(node: str = "tactile_mapping", **parameters: Any) -> tuple[Process, Hand]:
+        process = node_process("mapping_node", {**files, **DEEP_QUEUE, **parameters}, {"__node": node})
+        return process, Hand(probe, node)
+
+    return start
 
 
 @pytest.fixture

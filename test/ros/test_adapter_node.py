@@ -4,21 +4,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import WrenchStamped
+from std_msgs.msg import Float32MultiArray
 
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.strain_vectors import StrainReader
-
-pytestmark = pytest.mark.ros
+from tactile_localizer.msg import StrainVectors
+from tactile_localizer.ros.base.qos import STRAIN
 
 EXAMPLE = Path(__file__).parents[2] / "examples/own_sensor"
 
 
 def test_two_arrays_of_taxels_become_two_phalanges(node_process, probe):
-    from std_msgs.msg import Float32MultiArray
-
-    from tactile_localizer.msg import StrainVectors
-    from tactile_localizer.ros.base.qos import STRAIN
-
     strain = probe.listen(StrainVectors, "strain", STRAIN)
     node_process("adapter_node", {"adapter_file": EXAMPLE / "array_adapter.yaml"})
     index, thumb = (probe.publisher(Float32MultiArray, f"{name}_taxels") for name in ("index", "thumb"))
@@ -63,11 +60,6 @@ def test_what_does_not_exist_is_rejected_in_one_line(refusal, tmp_path, entry, r
 
 
 def test_a_fingertip_is_reported_while_it_is_silent(node_process, probe):
-    from geometry_msgs.msg import WrenchStamped
-
-    from tactile_localizer.msg import StrainVectors
-    from tactile_localizer.ros.base.qos import STRAIN
-
     reports = probe.diagnostics()
     strain = probe.listen(StrainVectors, "strain", STRAIN)
     node_process("adapter_node", {"adapter_file": EXAMPLE / "fingertip_adapter.yaml"})

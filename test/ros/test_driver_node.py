@@ -1,7 +1,5 @@
 """Parameters, services and diagnostics of the driver node."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -10,13 +8,16 @@ from typing import Any
 import can
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
 from support.diagnostics import status_of
+from support.hand import stamp_of
 from support.load_cells import cycle, number_of, protocol
 from support.processes import node_command
-from support.sweeps import stamp_of
 from support.waiting import StarvedError
 
-pytestmark = pytest.mark.ros
+from tactile_localizer.msg import StrainVectors
 
 HAND = protocol()
 BAD_PARAMETERS = {
@@ -48,8 +49,6 @@ class Hand:
     """Load cells that send a cycle whenever a condition is evaluated, and what the driver makes of it."""
 
     def __init__(self, simulated_can: dict[str, Any], probe: Any) -> None:
-        from tactile_localizer.msg import StrainVectors
-
         self.bus, self._probe = can.Bus(**simulated_can, hop_limit=0), probe
         self.number = 0  # of the next cycle
         self._longest_s = 0.0  # that the frames of a cycle took
@@ -112,19 +111,13 @@ def hand(simulated_can: dict[str, Any], probe: Any) -> Iterator[Hand]:
 
 
 @pytest.mark.parametrize("name", BAD_PARAMETERS)
-def test_an_invalid_configuration_is_rejected_in_one_line(
-    refusal: Callable[..., list[str]], parameters: dict[str, Any], name: str
-) -> None:
+def test_an_invalid_configuration_is_rejected_in_one_line(refusal, parameters, name):
     bad, reason = BAD_PARAMETERS[name]
     (line,) = refusal("driver_node", {**parameters, **bad})
     assert reason in line
 
 
-def test_each_cycle_is_one_message_with_its_receive_time(
-    node_process: Callable[..., Any], parameters: dict[str, Any], hand: Hand, probe: Any
-) -> None:
-    from tactile_localizer.msg import StrainVectors
-
+def test_each_cycle_is_one_message_with_its_receive_time(node_process, parameters, hand, probe):
     node_process("driver_node", parameters)
     hand.start()
     begin_ns = time.time_ns()
@@ -146,12 +139,7 @@ def test_each_cycle_is_one_message_with_its_receive_time(
     probe.until(lambda: "found 2" in status_of(hand.reports, "tactile_driver: CAN bus")[1], "the other one")
 
 
-def test_simulated_time_stamps_with_the_node_clock(
-    node_process: Callable[..., Any], parameters: dict[str, Any], hand: Hand, probe: Any
-) -> None:
-    from builtin_interfaces.msg import Time
-    from rosgraph_msgs.msg import Clock
-
+def test_simulated_time_stamps_with_the_node_clock(node_process, parameters, hand, probe):
     node_process("driver_node", {**parameters, "use_sim_time": True})
     clock = probe.publisher(Clock, "/clock")
 
@@ -166,8 +154,6 @@ class Tares:
     """Strain, offsets and services of a driver node while ``hand`` sends."""
 
     def __init__(self, probe: Any, hand: Hand) -> None:
-        from tactile_localizer.msg import StrainVectors
-
         self.offsets = probe.listen(StrainVectors, "tactile_driver/tare_offset", probe.latched)
         self._probe, self._hand = probe, hand
 
@@ -192,8 +178,6 @@ class Tares:
 
     def call(self, service: str) -> Any:
         """The response of a service while the hand sends."""
-        from std_srvs.srv import Trigger
-
         client = self._probe.node.create_client(Trigger, f"tactile_driver/{service}")
         self._probe.until(client.service_is_ready, service)
         self._probe.known_to("tactile_driver")
@@ -202,9 +186,7 @@ class Tares:
         return future.result()
 
 
-def test_a_tare_is_published_stored_and_cleared(
-    node_process: Callable[..., Any], parameters: dict[str, Any], probe: Any, hand: Hand
-) -> None:
+def test_a_tare_is_published_stored_and_cleared(node_process, parameters, probe, hand):
     tares = Tares(probe, hand)
     node = node_process("driver_node", parameters=parameters)
     tares.wait_for_offset([0.0] * 16, "the offset at the start")  # a tare is never automatic
@@ -229,9 +211,7 @@ def test_a_tare_is_published_stored_and_cleared(
     assert not Path(parameters["tare_file"]).read_text().count("index")
 
 
-def test_two_hands_have_separate_diagnostics_and_tares(
-    process: Callable[..., Any], parameters: dict[str, Any], probe: Any, tmp_path: Path
-) -> None:
+def test_two_hands_have_separate_diagnostics_and_tares(process, parameters, probe, tmp_path):
     del parameters["tare_file"]
     for hand in ("left", "right"):
         process(node_command("driver_node", parameters, namespace=f"/{hand}"), {"ROS_HOME": str(tmp_path)})

@@ -8,22 +8,21 @@ import threading
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
+from rclpy.duration import Duration
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 from support.diagnostics import status_of
 from support.filter import CELL, Filter
+from support.hand import SlidingHand
 from support.processes import node_command
-from support.sweeps import (
-    SlidingHand,
-    unseen_sweep,
-    write_scan,
-)
+from support.sweeps import unseen_sweep, write_scan
 
 from tactile_localizer.core.configuration import Configuration
-from tactile_localizer.io.scene_file import save_scene
-from tactile_localizer.scene import Phalanx
+from tactile_localizer.msg import StrainVectors
+from tactile_localizer.ros.filter_parameters import CONFIGURATION
 from tactile_localizer.sim import shipped_scene
-
-pytestmark = pytest.mark.ros
-
+from tactile_localizer.srv import LoadScan
 
 HOSTILE_PATHS = (
     "", ".", "..", "/", "x" * 5000, "x/" * 2000, "\x00", "a\x00b_scan", "~", "-", "%s%n", "[/bold]", "\n",
@@ -44,10 +43,6 @@ def start(node_process, probe, scan_file):
 
 
 def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, tmp_path):
-    from sensor_msgs.msg import PointCloud2
-
-    from tactile_localizer.srv import LoadScan
-
     directory = tmp_path / "scans"
     directory.mkdir()
     other = shipped_scene("snap")
@@ -85,8 +80,6 @@ def test_scans_are_loaded_only_from_the_scan_directory(start, probe, scan_file, 
 
 
 def test_topics_without_messages_are_warned_of_once(node_process, probe, scan_file):
-    from geometry_msgs.msg import PoseStamped
-
     probe.node.create_publisher(PoseStamped, "arm/pose", 10)
     reports = probe.diagnostics()
     node = node_process("filter_node", {"scan_file": scan_file}, {"palm_pose": "arm/pose"})
@@ -106,10 +99,6 @@ def test_topics_without_messages_are_warned_of_once(node_process, probe, scan_fi
 
 
 def test_publishers_that_do_not_match_are_described(node_process, probe, scan_file):
-    from std_msgs.msg import String
-
-    from tactile_localizer.msg import StrainVectors
-
     reliable = {"qos_overrides./strain.subscription.reliability": "reliable"}
     node = node_process("filter_node", {"scan_file": scan_file, **CELL, **reliable})
     probe.node.create_publisher(String, "palm_pose", 10)
@@ -133,9 +122,6 @@ class Slow(SumOfGaussians):
 
 @pytest.mark.parametrize("end", ["deactivate", "signal"])
 def test_what_has_arrived_is_localized_before_the_end(process, probe, scan_file, tmp_path, monkeypatch, end):
-    from geometry_msgs.msg import PoseStamped
-    from rclpy.duration import Duration
-
     samples, busy = 300, tmp_path / "busy"
     (tmp_path / "slow.py").write_text(SLOW_MODEL.replace("BUSY", str(busy)))
     reliable = {
@@ -220,8 +206,6 @@ def test_a_file_of_the_scan_that_is_not_used_is_a_warning_of_the_node(node_proce
 
 
 def test_each_configuration_field_is_a_parameter():
-    from tactile_localizer.ros.filter_parameters import CONFIGURATION
-
     fields = {field.name: field.default for field in dataclasses.fields(Configuration)}
     assert {parameter.name: parameter.default for parameter in CONFIGURATION} == fields
 
@@ -233,7 +217,6 @@ def test_each_configuration_field_is_a_parameter():
         ({"scan_file": ""}, "scan_file: expected a path, got none"),
         ({"scene_file": "none.yaml"}, "none.yaml: expected a scene file"),
         ({"random_particles": 10}, "random_particles: expected 0 with filter grid, got 10"),
-        ({"model": "oracle"}, "model 'oracle': expected sweep_mixture or module:Class"),
         ({"particles": -1}, "parameter particles: Parameter particles out of range"),
         (
             {"use_sim_time": "maybe"},
@@ -245,11 +228,3 @@ def test_each_configuration_field_is_a_parameter():
 def test_an_invalid_configuration_is_rejected_in_one_line(refusal, scan_file, parameters, message):
     (line,) = refusal("filter_node", {"scan_file": scan_file, **CELL, **parameters})
     assert message in line
-
-
-def test_a_scene_with_another_phalanx_is_rejected(refusal, scan_file, tmp_path):
-    scene = shipped_scene("bump")
-    scene = dataclasses.replace(scene, phalanges=(*scene.phalanges, Phalanx("ring", (0.0, -0.03))))
-    save_scene(scene, tmp_path / "scene.yaml")
-    (line,) = refusal("filter_node", {"scan_file": scan_file, "scene_file": tmp_path / "scene.yaml", **CELL})
-    assert "phalanx 'ring' of scene 'bump': expected one of index, middle" in line

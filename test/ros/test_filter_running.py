@@ -8,12 +8,16 @@ import time
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Bool
+from std_srvs.srv import Empty
 from support.filter import CELL, Filter, initial_pose
+from support.hand import SlidingHand, stamp_of
 from support.probe import Probe
 from support.processes import Process, node_command
-from support.sweeps import SlidingHand, stamp_of, unseen_sweep
-
-pytestmark = pytest.mark.ros
+from support.sweeps import unseen_sweep
+from visualization_msgs.msg import MarkerArray
 
 
 @pytest.fixture(scope="module")
@@ -73,11 +77,6 @@ def test_missing_inputs_are_reported(node, probe):
 
 
 def test_pose_flag_and_particles_agree_with_the_posterior(node, probe):
-    from geometry_msgs.msg import PoseWithCovarianceStamped
-    from sensor_msgs.msg import PointCloud2
-    from std_msgs.msg import Bool
-    from visualization_msgs.msg import MarkerArray
-
     poses = probe.listen(PoseWithCovarianceStamped, "tactile_filter/pose", 1000)
     flags = probe.listen(Bool, "tactile_filter/converged", 1000)
     clouds = probe.listen(PointCloud2, "tactile_filter/particles", 100)
@@ -136,8 +135,6 @@ def test_a_spike_names_its_gauge(node):
 
 
 def test_without_poses_the_estimate_is_stale(node, probe):
-    from std_msgs.msg import Bool
-
     flags = probe.listen(Bool, "tactile_filter/converged", 1000)
     probe.known_to("tactile_filter")
     node.slide(100)
@@ -155,8 +152,6 @@ def test_without_poses_the_estimate_is_stale(node, probe):
 
 
 def test_a_late_subscriber_gets_the_last_pose(node, probe):
-    from geometry_msgs.msg import PoseWithCovarianceStamped
-
     node.slide(30)
     poses = probe.listen(PoseWithCovarianceStamped, "tactile_filter/pose", probe.latched)
     (pose,) = probe.until(lambda: poses, "the pose")
@@ -188,8 +183,6 @@ def test_without_strain_the_estimate_is_stale(node, probe):
 @pytest.mark.parametrize(("ahead_s", "what"), [(3600, "ahead of"), (-3600, "behind")])
 def test_poses_with_the_stamps_of_another_clock_are_reported(node, probe, monkeypatch, ahead_s, what):
     """After a reset too, which ignores the strain before it."""
-    from std_srvs.srv import Empty
-
     monkeypatch.setattr(node.hand, "pose_ns", node.hand.pose_ns + ahead_s * 1_000_000_000)
     node.hand.slide(10)
     probe.call(Empty, "tactile_filter/reinitialize_global_localization")
@@ -221,8 +214,6 @@ def test_zero_stamps_are_ignored(node):
 
 
 def test_the_belief_can_be_reset(node, probe):
-    from std_srvs.srv import Empty
-
     node.slide(180)
     assert node.fresh()[-1].travel > 0.03
     probe.call(Empty, "tactile_filter/reinitialize_global_localization")
@@ -233,8 +224,6 @@ def test_the_belief_can_be_reset(node, probe):
 
 
 def test_an_initial_pose_seeds_the_belief(node, probe):
-    from geometry_msgs.msg import PoseWithCovarianceStamped
-
     node.slide(20)
     publisher = probe.publisher(PoseWithCovarianceStamped, "tactile_filter/initial_pose")
     printed = len(node.process.lines)
@@ -246,8 +235,6 @@ def test_an_initial_pose_seeds_the_belief(node, probe):
 
 
 def test_invalid_seeds_keep_the_belief(node, probe):
-    from geometry_msgs.msg import PoseWithCovarianceStamped
-
     invalid = node.count("invalid_messages_on_initial_pose")
     node.slide(50)
     publisher = probe.publisher(PoseWithCovarianceStamped, "tactile_filter/initial_pose", 10)

@@ -3,24 +3,25 @@
 import re
 
 import pytest
-from support.sweeps import START_NS, SlidingHand, stamp_of, unseen_sweep
+from rosgraph_msgs.msg import Clock as ClockMessage
+from support.bags import START
+from support.hand import SlidingHand, stamp_of
+from support.sweeps import unseen_sweep
 
-pytestmark = pytest.mark.ros
+from tactile_localizer.msg import Posterior
 
 
 class Clock:
     """``/clock``, controlled by the test."""
 
     def __init__(self, probe):
-        from rosgraph_msgs.msg import Clock
-
-        self._message, self._probe = Clock, probe
-        self._publisher = probe.publisher(Clock, "/clock")
+        self._probe = probe
+        self._publisher = probe.publisher(ClockMessage, "/clock")
         probe.known_to("tactile_filter")
-        self.now_ns = START_NS
+        self.now_ns = START
 
     def show(self):
-        message = self._message()
+        message = ClockMessage()
         message.clock.sec, message.clock.nanosec = divmod(self.now_ns, 1_000_000_000)
         self._publisher.publish(message)
 
@@ -40,8 +41,6 @@ class Clock:
 
 @pytest.fixture
 def filter_in_simulated_time(node_process, probe, scan_file):
-    from tactile_localizer.msg import Posterior
-
     process = node_process("filter_node", {"scan_file": scan_file, "cell": 1.0, "use_sim_time": True})
     posteriors = probe.listen(Posterior, "tactile_filter/posterior", 1000)
     hand = SlidingHand(probe, unseen_sweep())
@@ -114,7 +113,7 @@ def test_a_looping_bag_resets_the_belief_with_its_clock(filter_in_simulated_time
     slide(probe, hand, posteriors, 90)
     clock.run(3.0)
     first = [list(message.mean) for message in posteriors if not message.stale]
-    clock.now_ns = START_NS
+    clock.now_ns = START
     clock.show_until_seen()
     posteriors.clear()
     hand.next = 0

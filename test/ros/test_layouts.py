@@ -11,8 +11,6 @@ from support.processes import Process, node_command
 
 from tactile_localizer.resources import resource_path
 
-pytestmark = pytest.mark.ros
-
 RVIZ_KINDS = {
     "rviz_default_plugins/PointCloud2": "sensor_msgs/msg/PointCloud2",
     "rviz_default_plugins/Marker": "visualization_msgs/msg/Marker",

@@ -2,25 +2,17 @@
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
 from support.bags import write_bag
-from support.hand import DEEP_QUEUE, Hand
 from support.learned import unexamined
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.scans.folder import ScanFolder
 
-pytestmark = pytest.mark.ros
-
 
 def there_and_back(stamp_ms):
     """Motion of 30 mm back and forth, beyond the bounds of the scene, with a wobble."""
     return 0.035 + 0.02 * np.cos(2 * np.pi * stamp_ms / 1600.0) + 1e-5 * np.sin(stamp_ms)
-
-
-def serialized(message):
-    from rclpy.serialization import serialize_message
-
-    return serialize_message(message)
 
 
 def contents(path):
@@ -60,9 +52,8 @@ def slide_badly(hand):
     hand.slide(300)
 
 
-def test_an_imported_bag_equals_the_live_scan(node_process, probe, files, tmp_path):
-    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
-    hand = Hand(probe)
+def test_an_imported_bag_equals_the_live_scan(mapping, files, tmp_path):
+    process, hand = mapping()
     hand.x = there_and_back
     hand.slide(200)
     hand.wait_for_stamp(200)
@@ -84,9 +75,8 @@ def test_an_imported_bag_equals_the_live_scan(node_process, probe, files, tmp_pa
         assert_same_scan(live, contents(scan))
 
 
-def test_detected_sweeps_of_a_bag_equal_the_live_ones(node_process, probe, files, tmp_path):
-    process = node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "sweep_detection": "both_ways"})
-    hand = Hand(probe)
+def test_detected_sweeps_of_a_bag_equal_the_live_ones(mapping, files, tmp_path):
+    process, hand = mapping(sweep_detection="both_ways")
     hand.x = there_and_back
     assert "expected sweep_detection off" in hand.service("start_sweep").message
     slide_badly(hand)
@@ -104,13 +94,8 @@ def test_detected_sweeps_of_a_bag_equal_the_live_ones(node_process, probe, files
         assert_same_scan(live, contents(output))
 
 
-@pytest.mark.parametrize("detection", ["off", "both_ways"])
-def test_an_imported_bag_whose_clock_was_set_back_equals_the_live_scan(
-    node_process, probe, files, tmp_path, detection
-):
-    parameters = {**files, **DEEP_QUEUE, "sweep_detection": detection}
-    process = node_process("mapping_node", parameters=parameters)
-    hand = Hand(probe)
+def test_an_imported_bag_whose_clock_was_set_back_equals_the_live_scan(mapping, files, tmp_path):
+    process, hand = mapping()
     hand.x = there_and_back
     hand.now_ms = 9000
     happened = []
@@ -118,12 +103,12 @@ def test_an_imported_bag_whose_clock_was_set_back_equals_the_live_scan(
         hand.now_ms, first = begin_ms, len(hand.published)
         hand.slide(200)
         hand.wait_for_stamp(hand.now_ms)
-        if detection == "off" and begin_ms == 9000:
+        if begin_ms == 9000:
             assert hand.service("start_sweep").success
         hand.slide(1000)
         hand.wait_for_stamp(hand.now_ms)
         happened += hand.published[first:]
-        happened += [("tactile_mapping/status", 0, serialized(each)) for each in hand.statuses]
+        happened += [("tactile_mapping/status", 0, serialize_message(each)) for each in hand.statuses]
         hand.statuses.clear()
     assert process.stop() == 0
     live = contents(files["scan_file"])
@@ -131,6 +116,5 @@ def test_an_imported_bag_whose_clock_was_set_back_equals_the_live_scan(
     ordered = [(topic, at, raw) for at, (topic, _, raw) in enumerate(happened)]
     bag = write_bag(tmp_path / "bag", ordered)
     arguments = ["import", "bag", bag, "--scene", files["scene_file"], "-o", tmp_path / "imported_scan"]
-    arguments += ["--detect-sweeps", detection] if detection != "off" else []
     assert main([str(argument) for argument in arguments]) == 0
     assert_same_scan(live, contents(tmp_path / "imported_scan"))

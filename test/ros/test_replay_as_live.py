@@ -1,7 +1,5 @@
 """Replay of a bag without ROS gives the posteriors of the filter node."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from geometry_msgs.msg import PoseStamped
+from rclpy.serialization import deserialize_message
 from rosbags.highlevel import AnyReader
 from support.bags import START, pose, strain, write_bag
-from support.sweeps import CALIBRATION, stamp_of, unseen_sweep
+from support.hand import stamp_of
+from support.sweeps import CALIBRATION, unseen_sweep
 
 from tactile_localizer.cli import main
 from tactile_localizer.core.configuration import Configuration
@@ -22,13 +23,12 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.strain_vectors import StrainReader
+from tactile_localizer.msg import Posterior, StrainVectors
 from tactile_localizer.offline.replay import replay
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.sim import shipped_scene, simulate_scan
 from tactile_localizer.streams.runs import stamp_of as bag_stamp_of
 from tactile_localizer.streams.synchronization import Pairing
-
-pytestmark = pytest.mark.ros
 
 GRID = {"cell": 1.0}
 PARTICLES = {"filter": "particle", "particles": 200}
@@ -59,11 +59,6 @@ def record(path: Path) -> Path:
 
 def play(bag: Path, probe: Any) -> list[Any]:
     """Publish the messages of a bag in order; returns the posteriors."""
-    from geometry_msgs.msg import PoseStamped
-    from rclpy.serialization import deserialize_message
-
-    from tactile_localizer.msg import Posterior, StrainVectors
-
     received = probe.listen(Posterior, "tactile_filter/posterior", 1000)
     kinds = {"/strain": StrainVectors, "/palm_pose": PoseStamped}
     publishers = {
@@ -89,11 +84,7 @@ def play(bag: Path, probe: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize("choices", [GRID, PARTICLES], ids=["grid", "particles"])
-def test_replay_equals_the_live_filter(
-    tmp_path: Path, monkeypatch: Any, node_process: Any, probe: Any, scan_file: Path, choices: dict[str, Any]
-) -> None:
-    from tactile_localizer.msg import Posterior
-
+def test_replay_equals_the_live_filter(tmp_path, monkeypatch, node_process, probe, scan_file, choices):
     monkeypatch.chdir(tmp_path)
     bag = record(tmp_path / "bag")
     node = node_process("filter_node", {"scan_file": scan_file, "seed": 7, **choices})
@@ -119,7 +110,7 @@ def test_replay_equals_the_live_filter(
     assert [m.converged for m in received] == [u["converged"] for u in updates]
 
 
-def test_a_clock_that_is_set_back_resets_the_belief_in_a_replay_as_live(tmp_path: Path) -> None:
+def test_a_clock_that_is_set_back_resets_the_belief_in_a_replay_as_live(tmp_path):
     sweep, scan, scene = unseen_sweep(rate=50.0), simulate_scan("bump", 1), shipped_scene("bump")
     first = [
         ("strain", 20 * k, strain(9000 + 20 * k, ("index", "middle"), strain=sweep.strain[k]))

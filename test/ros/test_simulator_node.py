@@ -1,7 +1,5 @@
 """The simulated hand as an installed process: poses over DDS, frames on the bus, services."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time
@@ -9,16 +7,17 @@ import time
 import can
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
+from std_msgs.msg import Bool
 from support.diagnostics import status_of
-from support.sweeps import stamp_of
+from support.hand import stamp_of
 
 from tactile_localizer.io.can.bus import BusSettings, open_bus
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
+from tactile_localizer.msg import StrainVectors
 from tactile_localizer.resources import resource_path
 from tactile_localizer.sim import simulate_sweep
 from tactile_localizer.sim.scan import sweep_plan
-
-pytestmark = pytest.mark.ros
 
 SPEED, CELL_HZ, POSE_HZ = 10.0, 5.0, 20.0
 """So few frames that those of two seconds fit into the receive buffer of a test that is put aside."""
@@ -53,9 +52,6 @@ class Hand:
     """Topics and services of the simulator."""
 
     def __init__(self, probe):
-        from geometry_msgs.msg import PoseStamped
-        from std_msgs.msg import Bool
-
         self._probe = probe
         self.poses = probe.listen(PoseStamped, "palm_pose", 1000)
         self.truth = probe.listen(PoseStamped, "tactile_simulator/ground_truth", 1000)
@@ -166,8 +162,6 @@ def test_a_busy_machine_slows_the_hand_down_and_drops_nothing(
 
 def test_cycles_that_a_driver_lost_do_not_hold_the_hand_up_for_ever(start, frames, probe):
     """A driver that waits for what follows its newest cycle publishes that one each second."""
-    from tactile_localizer.msg import StrainVectors
-
     start(speed=1.0, load_cell_rate_hz=100.0)
     strain = probe.publisher(StrainVectors, "strain", probe.best_effort)
     probe.known_to("tactile_simulator")
@@ -204,8 +198,6 @@ def test_a_sweep_is_prepared_excludes_another_and_can_be_made_faster(start, hand
     ("parameters", "message"),
     [
         ({"feature": "button"}, "expected one of bump, snap, grommet, seam, none, got 'button'"),
-        ({"interface": "nonsense"}, "expected an interface that opens"),
-        ({"dbc": "missing.dbc"}, "missing.dbc: expected a DBC file"),
         ({"fault.silent": ["thumb"]}, "fault.silent: expected one of index, middle, got 'thumb'"),
     ],
 )

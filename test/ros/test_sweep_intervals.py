@@ -11,16 +11,16 @@ from functools import partial
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
 from support import bags
 from support.bags import MS, SCENE
-from support.hand import DEEP_QUEUE, Hand
+from support.hand import DEEP_QUEUE
 from support.waiting import wait_until
 
 from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.msg import StrainVectors
 from tactile_localizer.ros.base.child_process import end_with_parent
 from tactile_localizer.streams.synchronization import pair_recorded
-
-pytestmark = pytest.mark.ros
 
 PHALANGES = ("index", "middle")
 NODE = "tactile_mapping"
@@ -52,10 +52,6 @@ class Stream(threading.Thread):
     STRAIN_MS, POSE_MS = 20, 4
 
     def __init__(self, probe, delay_s=0.0, clock_s=0.0):
-        from geometry_msgs.msg import PoseStamped
-
-        from tactile_localizer.msg import StrainVectors
-
         super().__init__(daemon=True)
         self._delay_s, self._ahead_ns = delay_s, round(clock_s * 1e9)
         kinds = {"strain": StrainVectors, "palm_pose": PoseStamped}
@@ -175,9 +171,8 @@ def test_no_pair_is_lost_beside_six_busy_processes(node_process, probe, files):
         require_as_offline(sweep, stream)
 
 
-def test_a_sweep_without_pairs_is_no_success(node_process, probe, files):
-    node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "patience_s": 0.1})
-    hand = Hand(probe)
+def test_a_sweep_without_pairs_is_no_success(mapping):
+    _, hand = mapping(patience_s=0.1)
     assert hand.service("start_sweep").success
     answer = hand.service("end_sweep")
     assert (answer.success, answer.message) == (False, "sweep 1 ended: no pairs")
@@ -188,10 +183,9 @@ def test_a_sweep_without_pairs_is_no_success(node_process, probe, files):
     assert (answer.success, answer.message) == (False, "sweep 2 ended: no pairs, 20 samples without a pose")
 
 
-def test_a_sweep_ends_without_the_strain_that_never_comes(node_process, probe, files, monkeypatch):
+def test_a_sweep_ends_without_the_strain_that_never_comes(mapping, monkeypatch):
     monkeypatch.setattr("support.bags.START", time.time_ns())
-    node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "patience_s": 5.0})
-    hand = Hand(probe)
+    _, hand = mapping(patience_s=5.0)
     hand.x = lambda stamp_ms: bags.x_at(stamp_ms % 2000)  # on the sheet, however long the node takes
     hand.slide(20)
     assert hand.service("start_sweep").success
@@ -226,9 +220,8 @@ def test_what_a_busy_node_lost_is_not_blamed_on_a_clock(node_process, probe, fil
     assert not any("stamps are" in text for text in messages(reports))
 
 
-def test_implausible_motion_is_reported_while_it_is_recorded(node_process, probe, files):
-    node_process("mapping_node", parameters={**files, **DEEP_QUEUE})
-    hand = Hand(probe)
+def test_implausible_motion_is_reported_while_it_is_recorded(mapping, probe):
+    _, hand = mapping()
     reports = probe.diagnostics()
     hand.x = lambda stamp_ms: 0.02
     hand.service("start_sweep")

@@ -3,8 +3,6 @@
 `make soak MINUTES=30` repeats them for half an hour.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import signal
@@ -14,14 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pytest
+from std_msgs.msg import Bool
+from std_srvs.srv import Empty
 from support.probe import Probe
 from support.processes import Process, node_command
 from support.scenarios import Place
 
+from tactile_localizer.msg import Posterior
 from tactile_localizer.resources import resource_path
-
-pytestmark = pytest.mark.ros
 
 _GROWTH_BYTES = 10_000_000
 """Memory that a process may gain after the first round of all faults."""
@@ -31,10 +29,6 @@ class System:
     """Simulator, driver and filter as processes, and a probe that watches them."""
 
     def __init__(self, process: Callable[..., Process], probe: Probe, place: Place) -> None:
-        from std_msgs.msg import Bool
-
-        from tactile_localizer.msg import Posterior
-
         self.probe = probe
         parameters: Mapping[str, dict[str, Any]] = {
             "simulator": {**place.buses[0], "mode": "localize", "speed": 2.0},
@@ -77,8 +71,6 @@ class System:
 
     def sweep(self) -> bool:
         """Localize a sweep from a uniform belief; returns whether it converged, which it must not at once."""
-        from std_srvs.srv import Empty
-
         self.probe.trigger("tactile_simulator/prepare")
         self.probe.call(Empty, "tactile_filter/reinitialize_global_localization")
         self.sweeping.clear()

@@ -1,7 +1,5 @@
 """Bags for tests: a hand slides along x, with strain every 5 ms and poses every 20 ms."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from operator import itemgetter
 from pathlib import Path

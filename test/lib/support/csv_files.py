@@ -1,7 +1,5 @@
 """CSV files of one finger on a line."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reference implementation of the measurement models, pair by pair as in the paper: slow and plain."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,12 +1,15 @@
 """A running filter node, seen from outside."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from std_srvs.srv import Empty
 from support.diagnostics import status_of
-from support.sweeps import stamp_of
+from support.hand import stamp_of
+
+from tactile_localizer.msg import Posterior
 
 CELL = {"cell": 1.0}
 """Coarse grid resolution, for speed."""
@@ -19,10 +22,6 @@ class Filter:
     """A running filter node, the messages that it publishes, and the hand that sends its inputs."""
 
     def __init__(self, process, probe, hand):
-        from diagnostic_msgs.msg import DiagnosticArray
-
-        from tactile_localizer.msg import Posterior
-
         self.process, self.probe, self.hand = process, probe, hand
         self.posteriors = []
         self.diagnostics = []
@@ -44,8 +43,6 @@ class Filter:
 
     def restart(self):
         """Reset the belief and move the hand to the start of its sweep, at a later time."""
-        from std_srvs.srv import Empty
-
         self.hand.next = 0
         self.hand.offset_ns += _PAUSE_NS
         self.probe.call(Empty, "tactile_filter/reinitialize_global_localization")
@@ -94,8 +91,6 @@ class Filter:
 
 
 def initial_pose(x, y, variance, frame="material"):
-    from geometry_msgs.msg import PoseWithCovarianceStamped
-
     message = PoseWithCovarianceStamped()
     message.header.frame_id = frame
     message.pose.pose.position.x, message.pose.pose.position.y = x, y

@@ -3,8 +3,6 @@
 The executables themselves run in ``test/integration``, the demo and the soak.
 """
 
-from __future__ import annotations
-
 import importlib
 import multiprocessing
 import os

@@ -1,12 +1,14 @@
-"""A hand controlled by a test: publishes poses and strain, and records them like a bag."""
-
-from __future__ import annotations
+"""Hands controlled by a test: one that slides as in a bag, and one with the strain of a simulated sweep."""
 
 from typing import Any
 
 import numpy as np
+from geometry_msgs.msg import PoseStamped
+from rclpy.serialization import serialize_message
 from support import bags
-from support.sweeps import stamp_of
+
+from tactile_localizer.io.recording import RecordedSweep
+from tactile_localizer.msg import ScanStatus, StrainVectors
 
 DEEP_QUEUE = {
     "queue_depth": 1000,
@@ -21,14 +23,9 @@ class Hand:
     ``published`` has the messages in the form of :func:`support.bags.write_bag`.
     """
 
-    def __init__(
-        self, probe, frame="material", phalanges=("middle", "index", "thumb"), node="tactile_mapping"
-    ):
-        from geometry_msgs.msg import PoseStamped
-
-        from tactile_localizer.msg import ScanStatus, StrainVectors
-
-        self.probe, self.frame, self.phalanges, self.node = probe, frame, phalanges, node
+    def __init__(self, probe: Any, node: str) -> None:
+        self.probe, self.node = probe, node
+        self.frame, self.phalanges = "material", ("middle", "index", "thumb")
         self.statuses = probe.listen(ScanStatus, f"{node}/status", 100)
         self._publishers = {
             "palm_pose": probe.publisher(PoseStamped, "palm_pose", 10_000),
@@ -53,8 +50,6 @@ class Hand:
 
     def published_with_status(self):
         """The messages that it published, and the statuses that it received."""
-        from rclpy.serialization import serialize_message
-
         first = len(self.published)
         received = [serialize_message(message) for message in self.statuses]
         return self.published + [
@@ -88,3 +83,77 @@ class Hand:
             lambda: sum(stamp_of(status) >= wanted for status in self.statuses) >= 2,
             f"two statuses at {stamp_ms} ms",
         )
+
+
+class SlidingHand:
+    """Publishes a simulated sweep: strain at its samples, poses halfway between them.
+
+    Parameters
+    ----------
+    probe : a :class:`support.probe.Probe`
+    sweep : sweep to publish
+    topics : topics of strain and poses
+    poses : whether the node under test subscribes to the poses
+    """
+
+    def __init__(
+        self,
+        probe: Any,
+        sweep: RecordedSweep,
+        topics: tuple[str, str] = ("strain", "palm_pose"),
+        *,
+        poses: bool = True,
+    ) -> None:
+        self._probe = probe
+        self._poses = probe.publisher(PoseStamped, topics[1], 100) if poses else None
+        self._strains = probe.publisher(StrainVectors, topics[0], probe.best_effort)
+        self.sweep = sweep
+        self.offset_ns = bags.START
+        self.next = 0
+        stamp_ns = sweep.stamp_ns - sweep.stamp_ns[0]
+        self.strain_ns = stamp_ns + int(stamp_ns[1]) // 2
+        self.pose_ns = stamp_ns
+
+    def slide(self, samples: int, *, poses: bool = True, strain: bool = True, **changes: Any) -> None:
+        """Publish the next ``samples``, paced so that best effort loses nothing.
+
+        ``changes`` replace fields of the strain messages.
+        """
+        for k in range(self.next, self.next + samples):
+            if poses:
+                self.send_pose(k)
+            if strain:
+                self.send_strain(k, **changes)
+            self._probe.executor.spin_once(timeout_sec=0.002)
+        self.next += samples
+        if poses:
+            self.send_pose(self.next)
+
+    def send_pose(self, k: int) -> None:
+        message = PoseStamped()
+        set_stamp(message, self.offset_ns + int(self.pose_ns[k]))
+        message.header.frame_id = "base_link"
+        message.pose.position.x, message.pose.position.y = map(float, self.sweep.position[k])
+        message.pose.orientation.w = 1.0
+        self._poses.publish(message)
+
+    def send_strain(self, k: int, **changes: Any) -> None:
+        message = StrainVectors()
+        set_stamp(message, self.offset_ns + int(self.strain_ns[k]))
+        message.phalanges, message.status, message.sequence = ["index", "middle"], [0, 0], [k, k]
+        message.strain = self.sweep.strain[k].tolist()
+        for name, value in changes.items():
+            setattr(message, name, value)
+        self._strains.publish(message)
+
+    def sample_of(self, message: Any) -> int:
+        """Index of the strain vector with the stamp of a message."""
+        return int(np.flatnonzero(self.strain_ns == stamp_of(message) - self.offset_ns)[0])
+
+
+def set_stamp(message: Any, stamp_ns: int) -> None:
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
+
+
+def stamp_of(message: Any) -> int:
+    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec

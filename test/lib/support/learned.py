@@ -3,8 +3,6 @@
 A test of learning itself calls :func:`tactile_localizer.core.factory.learn`.
 """
 
-from __future__ import annotations
-
 import fcntl
 import pickle
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Measurement models known in closed form."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Numbers in the notes of a recording, which tests compare instead of the wording."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """A ROS node that observes the nodes under test from outside."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """Commands and nodes as processes that are always ended."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

@@ -1,7 +1,5 @@
 """Replayed sweeps with known errors."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

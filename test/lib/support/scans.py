@@ -1,7 +1,5 @@
 """Small scenes and scans for tests of the core: smooth strains known in closed form, at uniform positions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

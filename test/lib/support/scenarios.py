@@ -1,7 +1,5 @@
 """Scenarios of several nodes, started by launch files, with checks of their outputs."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,10 +8,13 @@ from typing import Any
 
 import numpy as np
 import yaml
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from support.hand import SlidingHand
 from support.probe import Probe
 from support.processes import node_command
-from support.sweeps import SlidingHand, unseen_sweep
+from support.sweeps import unseen_sweep
 
+from tactile_localizer.msg import Posterior, ScanStatus, StrainVectors
 from tactile_localizer.resources import resource_path
 
 _SIMULATED = yaml.safe_load(resource_path("config/simulator.yaml").read_text())["/**/tactile_simulator"][
@@ -94,10 +95,6 @@ def _hardware(place: Place) -> Started:
 
 
 def _check_strain_and_poses(probe: Probe, place: Place, namespace: str = "") -> list[Any]:
-    from geometry_msgs.msg import PoseStamped
-
-    from tactile_localizer.msg import StrainVectors
-
     strains = probe.listen(StrainVectors, f"{namespace}strain", probe.best_effort)
     poses = probe.listen(PoseStamped, f"{namespace}palm_pose")
     probe.until(lambda: len(strains) > 50 and len(poses) > 20, "strain and poses")
@@ -116,8 +113,6 @@ def _scanning(place: Place) -> Sequence[Started]:
 
 
 def _check_a_recorded_sweep(probe: Probe, place: Place) -> None:
-    from tactile_localizer.msg import ScanStatus
-
     statuses = probe.listen(ScanStatus, "tactile_mapping/status")
     _check_strain_and_poses(probe, place)
     _call(probe, "tactile_simulator/prepare")
@@ -134,8 +129,6 @@ def _localizing(place: Place) -> Sequence[Started]:
 
 
 def _check_posteriors(probe: Probe, place: Place, namespace: str = "") -> None:
-    from tactile_localizer.msg import Posterior
-
     posteriors = probe.listen(Posterior, f"{namespace}tactile_filter/posterior", 1000)
     probe.until(lambda: posteriors and not posteriors[-1].stale, "an estimate")
     _call(probe, f"{namespace}tactile_simulator/prepare")
@@ -174,8 +167,6 @@ def _remapped(place: Place) -> Sequence[Started]:
 
 
 def _check_remapped_topics(probe: Probe, place: Place) -> None:
-    from tactile_localizer.msg import Posterior
-
     posteriors = probe.listen(Posterior, "hand/tactile_filter/posterior", 1000)
     hand = SlidingHand(probe, unseen_sweep(), topics=("hand/strain", "hand/arm/tool_pose"))
     probe.until(lambda: probe.node.count_publishers("hand/tactile_filter/posterior"), "the filter")
@@ -191,8 +182,6 @@ def _managed(place: Place) -> Sequence[Started]:
 
 
 def _check_posteriors_after_activation(probe: Probe, place: Place) -> None:
-    from tactile_localizer.msg import Posterior
-
     posteriors = probe.listen(Posterior, "tactile_filter/posterior", 1000)
     for node in ("driver", "filter"):
         for transition in ("configure", "activate"):
@@ -209,10 +198,6 @@ def _adapted(place: Place) -> Sequence[Started]:
 
 
 def _check_strain_of_an_adapter(probe: Probe, place: Place) -> None:
-    from geometry_msgs.msg import WrenchStamped
-
-    from tactile_localizer.msg import StrainVectors
-
     strains = probe.listen(StrainVectors, "strain", probe.best_effort)
     wrenches = probe.publisher(WrenchStamped, "fingertip")
     probe.until(lambda: wrenches.publish(WrenchStamped()) or strains, "strain of the fingertip")

@@ -1,7 +1,5 @@
 """Waiting for a condition with a deadline; without CPU time a missed one raises :class:`StarvedError`."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import time

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-pytestmark = pytest.mark.ros
+from tactile_localizer.ros.base.background import run_in_thread
 
 
 def failing():
@@ -13,8 +13,6 @@ def failing():
 
 @pytest.mark.parametrize("end", [lambda: "result", failing], ids=["result", "error"])
 def test_work_that_outlives_the_executor_is_discarded(probe, monkeypatch, end):
-    from tactile_localizer.ros.base.background import run_in_thread
-
     unhandled, begun, released = [], threading.Event(), threading.Event()
     monkeypatch.setattr(threading, "excepthook", unhandled.append)
 

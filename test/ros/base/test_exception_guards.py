@@ -2,9 +2,12 @@
 
 import asyncio
 
-import pytest
+import rclpy
+from rclpy.lifecycle import TransitionCallbackReturn
+from std_msgs.msg import Empty
+from std_srvs.srv import Trigger
 
-pytestmark = pytest.mark.ros
+from tactile_localizer.ros.base.managed_node import ManagedNode
 
 
 def fail(*arguments):
@@ -12,13 +15,6 @@ def fail(*arguments):
 
 
 def test_an_unexpected_exception_is_a_rejection_in_one_line():
-    import rclpy
-    from rclpy.lifecycle import TransitionCallbackReturn
-    from std_msgs.msg import Empty
-    from std_srvs.srv import Trigger
-
-    from tactile_localizer.ros.base.managed_node import ManagedNode
-
     rclpy.init()
     node = ManagedNode("fragile")
     try:

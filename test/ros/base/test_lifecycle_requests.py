@@ -1,15 +1,15 @@
 """Requests of a lifecycle manager are answered in every state."""
 
 import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 from support.filter import CELL
 from support.sweeps import write_scan
 
-pytestmark = pytest.mark.ros
+from tactile_localizer.msg import ScanStatus
 
 
 def state_of(probe, node):
-    from lifecycle_msgs.srv import GetState
-
     return probe.call(GetState, f"{node}/get_state").current_state.label
 
 
@@ -32,9 +32,6 @@ def test_an_invalid_transition_is_rejected(node_process, probe, valid):
 
 
 def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe, uncalibrated):
-    from lifecycle_msgs.msg import Transition
-    from lifecycle_msgs.srv import ChangeState
-
     reports = probe.diagnostics()
     process = node_process("filter_node", {"scan_file": uncalibrated, "autostart": False, **CELL})
     client = probe.node.create_client(ChangeState, "tactile_filter/change_state")
@@ -60,8 +57,6 @@ def test_an_interrupt_ends_a_calibrating_node(node_process, uncalibrated):
 
 
 def test_inactive_nodes_publish_nothing(node_process, probe, valid):
-    from tactile_localizer.msg import ScanStatus
-
     statuses = probe.listen(ScanStatus, "tactile_mapping/status", probe.latched)
     node_process("mapping_node", {**valid["mapping"], "autostart": False})
     assert probe.change("tactile_mapping", "configure")

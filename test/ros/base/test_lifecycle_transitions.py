@@ -1,16 +1,15 @@
 """Transitions from, and destruction in, every state of every node."""
 
-import importlib
 import signal
 import subprocess
 import sys
 import threading
 
 import pytest
-from support.processes import node_command
+from lifecycle_msgs.srv import GetState
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from support.waiting import wait_until
-
-pytestmark = pytest.mark.ros
 
 VALID = {
     ("unconfigured", "configure"): "inactive",
@@ -45,38 +44,19 @@ def bus():
 
 
 @pytest.fixture(params=PATHS)
-def make(request, valid):
+def make(request, valid, construct):
     """Function that constructs the node, with valid parameters, in place of the last one."""
-    import rclpy
-
-    given = {**valid[request.param], "allow_remote_configuration": True}
-    rclpy.init(args=node_command(f"{request.param}_node", given)[1:])
-    module = importlib.import_module(f"tactile_localizer.ros.{request.param}_node")
-    made = []
-
-    def close():
-        for node in made:
-            node.close()
-            node.destroy_node()
-        made.clear()
 
     def make(*transitions):
-        close()
-        made.append(getattr(module, f"{request.param.title()}Node")())
+        node = construct(request.param, {**valid[request.param], "allow_remote_configuration": True})
         for transition in transitions:
-            trigger(made[0], transition)
-        return made[0]
+            trigger(node, transition)
+        return node
 
-    try:
-        yield make
-    finally:
-        close()
-        rclpy.try_shutdown()
+    return make
 
 
 def state_of(node):
-    from lifecycle_msgs.srv import GetState
-
     for service in node.services:
         if service.srv_type is GetState:
             response = service.callback(GetState.Request(), GetState.Response())
@@ -90,8 +70,6 @@ def trigger(node, transition):
 
 def is_rejected(node, transition):
     """Whether the transition is invalid: Jazzy's rclpy raises an error, that of Kilted returns one."""
-    from rclpy.lifecycle import TransitionCallbackReturn
-
     try:
         return trigger(node, transition) == TransitionCallbackReturn.ERROR
     except RuntimeError:
@@ -130,9 +108,6 @@ def test_transitions_leave_nothing_behind(make):
 
 
 def test_a_rejected_configuration_gives_its_reason(make, tmp_path, capfd):
-    from rclpy.lifecycle import TransitionCallbackReturn
-    from rclpy.parameter import Parameter
-
     node = make()
     right = node.get_parameter(PATHS[node.get_name().removeprefix("tactile_")])
     wrong = Parameter(right.name, value=str(tmp_path / "missing"))

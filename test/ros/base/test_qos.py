@@ -2,8 +2,6 @@
 
 import pytest
 
-pytestmark = pytest.mark.ros
-
 ENDS = {"driver": "publisher", "mapping": "subscription", "filter": "subscription"}
 
 

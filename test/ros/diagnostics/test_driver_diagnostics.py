@@ -1,7 +1,5 @@
 """What the driver node reports of its bus and of each phalanx."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
@@ -13,8 +11,7 @@ from support.load_cells import cycle, protocol, sample
 from tactile_localizer.io.can.bus import BusSettings
 from tactile_localizer.io.can.driver import OPEN, WAITING, LoadCellDriver
 from tactile_localizer.io.can.error_frames import BUS_OFF, NO_ACKNOWLEDGEMENT
-
-pytestmark = pytest.mark.ros
+from tactile_localizer.ros.diagnostics.driver import DriverDiagnostics
 
 HAND = protocol()
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
@@ -26,8 +23,6 @@ class Reports:
     """Diagnostics of a driver whose frames and whose time are those of the test."""
 
     def __init__(self) -> None:
-        from tactile_localizer.ros.diagnostics.driver import DriverDiagnostics
-
         self.driver = LoadCellDriver(HAND, BusSettings("virtual", "none"), print, print, print)
         self.driver.status.state = OPEN
         self.number, self.publishers = 0, 1
@@ -59,11 +54,11 @@ def reports() -> Reports:
     return Reports()
 
 
-def test_a_hand_that_is_switched_off_is_idle(reports: Reports) -> None:
+def test_a_hand_that_is_switched_off_is_idle(reports):
     assert [found[:2] for found in reports.now().values()] == [(OK, "open, idle"), (OK, "idle"), (OK, "idle")]
 
 
-def test_a_load_cell_is_stale_while_another_one_sends(reports: Reports) -> None:
+def test_a_load_cell_is_stale_while_another_one_sends(reports):
     reports.send(0, 1, count=100)
     assert [found[:2] for found in reports.now().values()] == [(OK, "open"), (OK, "OK"), (OK, "OK")]
     reports.send(0, count=100)
@@ -83,7 +78,7 @@ def test_a_load_cell_is_stale_while_another_one_sends(reports: Reports) -> None:
         ({"status": 3}, "fault reported by the load cell: status 3"),
     ],
 )
-def test_what_a_load_cell_reports_is_reported(reports: Reports, values: dict[str, Any], message: str) -> None:
+def test_what_a_load_cell_reports_is_reported(reports, values, message):
     reports.send(0, 1, count=2)
     reports.send(0, **values)
     reports.send(0, 1)
@@ -92,7 +87,7 @@ def test_what_a_load_cell_reports_is_reported(reports: Reports, values: dict[str
     assert reports.now()["index"][1] == "OK"
 
 
-def test_a_slow_load_cell_is_not_missing_before_its_rate_is_known(reports: Reports) -> None:
+def test_a_slow_load_cell_is_not_missing_before_its_rate_is_known(reports):
     messages = []
     for n in range(300):
         slow = [] if n % 5 else sample(HAND, 1, n // 5, reports.driver.read_ns)
@@ -102,7 +97,7 @@ def test_a_slow_load_cell_is_not_missing_before_its_rate_is_known(reports: Repor
     assert messages == ["OK", "OK", "OK, in one of 5 cycles"]
 
 
-def test_frames_that_are_not_used_are_named(reports: Reports) -> None:
+def test_frames_that_are_not_used_are_named(reports):
     short = can.Message(arbitration_id=0x102, is_extended_id=False, data=bytes(3))
     reports.send(0, 1)
     reports.receive([short, *cycle(HAND, 1, reports.driver.read_ns)])
@@ -111,7 +106,7 @@ def test_frames_that_are_not_used_are_named(reports: Reports) -> None:
     assert message == "discarded frames: 1 wrong length: 0x102 index_a: 3 bytes instead of 8"
 
 
-def test_frames_that_are_not_those_of_the_dbc_are_named(reports: Reports) -> None:
+def test_frames_that_are_not_those_of_the_dbc_are_named(reports):
     reports.receive(
         [can.Message(arbitration_id=number, is_extended_id=True, data=bytes(8)) for number in (0x700, 0x102)]
     )
@@ -123,7 +118,7 @@ def test_frames_that_are_not_those_of_the_dbc_are_named(reports: Reports) -> Non
     assert reports.now()["index"][:2] == (ERROR, "0x103 index_b not received")
 
 
-def test_two_senders_and_two_drivers_are_reported(reports: Reports) -> None:
+def test_two_senders_and_two_drivers_are_reported(reports):
     for number in range(30):
         stamp_ns = reports.driver.read_ns
         reports.receive(cycle(HAND, number, stamp_ns) + cycle(HAND, number + 5, stamp_ns + PERIOD_NS // 2))
@@ -132,7 +127,7 @@ def test_two_senders_and_two_drivers_are_reported(reports: Reports) -> None:
     assert reports.now()["CAN bus"][:2] == (ERROR, "expected one publisher of strain, found 2")
 
 
-def test_errors_of_the_bus_and_its_controller_are_reported(reports: Reports) -> None:
+def test_errors_of_the_bus_and_its_controller_are_reported(reports):
     status = reports.driver.status
     status.errors[NO_ACKNOWLEDGEMENT] += 2
     assert reports.now()["CAN bus"][:2] == (WARN, f"bus errors: 2 {NO_ACKNOWLEDGEMENT}")

@@ -1,13 +1,11 @@
 """The map is in the frame of the material."""
 
 import numpy as np
-import pytest
 
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
+from tactile_localizer.ros.publishers.maps import map_cloud
 from tactile_localizer.scene import Axis, Phalanx, Scene
-
-pytestmark = pytest.mark.ros
 
 SCENE = Scene(
     "bump",
@@ -34,8 +32,6 @@ def fields_of(cloud) -> dict[str, np.ndarray]:
 
 
 def test_each_phalanx_shows_the_feature_at_its_position():
-    from tactile_localizer.ros.publishers.maps import map_cloud
-
     cloud = map_cloud(make_map(scan_of(), SCENE), "material")
     assert cloud.header.frame_id == "material"
     fields = fields_of(cloud)
@@ -50,8 +46,6 @@ def test_each_phalanx_shows_the_feature_at_its_position():
 
 
 def test_parts_without_data_have_no_points():
-    from tactile_localizer.ros.publishers.maps import map_cloud
-
     scan = scan_of()
     tactile_map = make_map(scan.select(scan.states[:, 1] < 0.02), SCENE)
     cloud = map_cloud(tactile_map, "material")
@@ -60,8 +54,6 @@ def test_parts_without_data_have_no_points():
 
 
 def test_a_scene_of_one_axis_is_a_line():
-    from tactile_localizer.ros.publishers.maps import map_cloud
-
     scene = Scene("line", SCENE.axes[:1], (Phalanx("index", (0.01,)),))
     fields = fields_of(map_cloud(make_map(scan_of(scene), scene), "material"))
     assert not fields["y"].any()

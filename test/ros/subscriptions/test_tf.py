@@ -1,7 +1,5 @@
 """Palm poses from tf with the real buffer, and the pose of the material published to tf."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.filter import CELL, Filter
-from support.sweeps import SlidingHand, set_stamp, stamp_of, unseen_sweep
+from support.hand import SlidingHand, set_stamp, stamp_of
+from support.sweeps import unseen_sweep
 
 pytestmark = pytest.mark.ros
 
@@ -24,7 +23,7 @@ def pose_matrix(translation: Any, rotation: Rotation) -> np.ndarray:
     return matrix
 
 
-def test_the_transform_agrees_with_palm_and_posterior() -> None:
+def test_the_transform_agrees_with_palm_and_posterior():
     from tactile_localizer.ros.publishers.material_transform import material_in_reference
 
     nominal = (0.5, -0.2, 0.9, 0.1, -0.2, 0.7)
@@ -39,7 +38,7 @@ def test_the_transform_agrees_with_palm_and_posterior() -> None:
 
 
 @pytest.mark.parametrize("parameters", [{"pose_source": "tf"}, {"publish_tf": True}])
-def test_tf_parameters_require_tf(refusal: Any, tmp_path: Any, parameters: Any) -> None:
+def test_tf_parameters_require_tf(refusal, tmp_path, parameters):
     try:
         import tf2_ros
     except ImportError:
@@ -78,7 +77,7 @@ class Poses:
         return [((stamp_of(m) - START) // MS, round(m.pose.position.x, 9)) for m in self.found]
 
 
-def test_each_transform_gives_a_pose() -> None:
+def test_each_transform_gives_a_pose():
     poses = Poses()
     poses.send(0, 0.0)
     poses.send(20, 0.02)
@@ -106,9 +105,7 @@ def test_each_transform_gives_a_pose() -> None:
         ([("base_link", "palm\x1b")], r"no palm (did you mean palm\x1b?) among base_link, palm\x1b"),
     ],
 )
-def test_frames_without_a_pose_are_described_until_there_is_one(
-    capfd: pytest.CaptureFixture, transforms: Any, reason: str
-) -> None:
+def test_frames_without_a_pose_are_described_until_there_is_one(capfd, transforms, reason):
     poses = Poses()
     assert not poses.poses.problem
     for parent, child, topic, x in (each + (0, 0.0)[len(each) - 2 :] for each in transforms):
@@ -121,7 +118,7 @@ def test_frames_without_a_pose_are_described_until_there_is_one(
     assert poses.places()[-1] == (20, 0.02)
 
 
-def test_static_frames_are_chained() -> None:
+def test_static_frames_are_chained():
     poses = Poses()
     poses.send(0, 1.0, "wrist", "palm", topic=1)
     poses.send(0, 0.0, "base_link", "wrist")
@@ -129,7 +126,7 @@ def test_static_frames_are_chained() -> None:
     assert poses.places() == [(0, 1.0), (20, 1.02)]
 
 
-def test_the_slowest_frame_between_sets_the_times_of_the_poses() -> None:
+def test_the_slowest_frame_between_sets_the_times_of_the_poses():
     poses = Poses()
     for ms in range(0, 2000, 10):
         poses.send(ms, ms / 1000, "base_link", "elbow")
@@ -138,7 +135,7 @@ def test_the_slowest_frame_between_sets_the_times_of_the_poses() -> None:
     assert poses.places() == [(0, 0.0), (500, 0.5), (1000, 1.0), (1500, 1.5)]
 
 
-def test_a_looping_bag_clears_the_buffer() -> None:
+def test_a_looping_bag_clears_the_buffer():
     poses = Poses()
     once = [(ms, ms / 1000) for ms in range(0, 20_000, 20)]
     for loop in range(2):
@@ -168,9 +165,7 @@ class HandOnTf(SlidingHand):
         self._tf.publish(self._message(transforms=[transform]))
 
 
-def test_poses_that_are_too_far_apart_are_not_interpolated(
-    node_process: Any, probe: Any, scan_file: Any
-) -> None:
+def test_poses_that_are_too_far_apart_are_not_interpolated(node_process, probe, scan_file):
     """Between them the hand may have stopped and gone on."""
     pytest.importorskip("tf2_msgs", reason="only a ROS 2 distribution has tf2_msgs")
     process = node_process("filter_node", {"pose_source": "tf", "scan_file": scan_file, **CELL})
@@ -184,7 +179,7 @@ def test_poses_that_are_too_far_apart_are_not_interpolated(
     assert not estimated & {*range(21, 50)}
 
 
-def test_a_filter_on_tf_publishes_the_material(node_process: Any, probe: Any, scan_file: Any) -> None:
+def test_a_filter_on_tf_publishes_the_material(node_process, probe, scan_file):
     pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed: only a ROS 2 distribution has it")
     from tf2_msgs.msg import TFMessage
 
