@@ -1,7 +1,5 @@
 """Links, commands and names in the pages are valid."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

@@ -1,7 +1,5 @@
 """The examples work as their pages describe, in copies outside the source tree."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Packaging for rosdep with colcon, and for pip, is consistent."""
 
-from __future__ import annotations
-
 import ast
 import gzip
 import json

@@ -1,7 +1,5 @@
 """Shipped files are found wherever the package is installed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

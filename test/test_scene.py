@@ -1,7 +1,5 @@
 """A scene that cannot be meant is refused with the place, and one that can survives its YAML form."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The library that lets user-mode Linux restore registers on any CPU."""
 
-from __future__ import annotations
-
 import ctypes
 import errno
 import os

@@ -1,7 +1,5 @@
 """Each benchmark runs on one sweep, and its measures are what its docstring says."""
 
-from __future__ import annotations
-
 import json
 import runpy
 import sys

@@ -1,7 +1,5 @@
 """Ctrl-C ends an installed node cleanly at any moment."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Configurations are read from presets and YAML files; overrides take precedence."""
 
-from __future__ import annotations
-
 import pytest
 
 from tactile_localizer.core.configuration import Configuration

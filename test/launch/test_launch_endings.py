@@ -1,7 +1,5 @@
 """``ros2 launch`` of the launch files, to its end."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The launch files in launch files of others, read by the real launch system."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Names of the installed launch files, checked without ``launch``."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The scenarios with real launch files, namespaces and remappings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

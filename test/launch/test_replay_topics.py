@@ -1,7 +1,5 @@
 """Topics that a replay leaves out, in the grammars of rosbag2's storage plugins."""
 
-from __future__ import annotations
-
 import ast
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Metrics of sweeps with known errors."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

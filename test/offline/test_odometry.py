@@ -1,7 +1,5 @@
 """Odometry from true positions."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Contact with a feature, recorded or from the map."""
 
-from __future__ import annotations
-
 from copy import copy
 from dataclasses import replace
 

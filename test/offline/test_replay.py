@@ -1,7 +1,5 @@
 """Replay: estimates as from the filter node, and the JSON document."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

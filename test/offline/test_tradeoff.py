@@ -1,7 +1,5 @@
 """The trade-off: candidates on a recording, the Pareto front, the choice."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

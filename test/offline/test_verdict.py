@@ -1,7 +1,5 @@
 """The verdict of a replay."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The paper's models are plug-ins: named as ``module:Class``, with arguments from a subclass."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

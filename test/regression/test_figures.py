@@ -6,8 +6,6 @@ least 1 %. After a change that is meant to alter figures, write them anew and lo
     WRITE_FIGURES=1 scripts/in_env python -m pytest test/regression
 """
 
-from __future__ import annotations
-
 import csv
 import os
 from pathlib import Path

@@ -3,8 +3,6 @@
 Interfaces are set down and deleted, so this runs only in the kernel of ``test/socketcan/in_can_kernel``.
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty

@@ -1,7 +1,5 @@
 """Reports: complete in one file, with what a reader looks for, and legible in a browser."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
