@@ -266,7 +266,7 @@ def test_a_misspelled_word_has_a_suggestion(typed: str, meant: str, capsys: pyte
     [
         ("", "tactile-localizer"),
         ("replay", "tactile-localizer replay"),
-        ("replay a.csv --scan a_scan --max-gap nan", "tactile-localizer replay"),
+        ("replay a.csv --scan a_scan --max-gap -1", "tactile-localizer replay"),
         ("replay a.csv --scan", "tactile-localizer replay"),
         ("replay a.csv --scan a_scan --nothing", "tactile-localizer replay"),
         ("scan info", "tactile-localizer scan info"),

@@ -1,5 +1,6 @@
 """Findings of the scan checks: what is wrong is found, and what is not wrong is not."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -69,8 +70,11 @@ def test_few_pairs_have_no_findings_of_channels(sound):
     assert not any("channel " in line for line in findings(sound.select(np.array([0])), SCENE, []))
 
 
-def test_bounds_far_beyond_the_scan_are_reported(sound):
-    scene = Scene("line", (Axis("x", 0.0, 0.2),), (Phalanx("index", (0.0,)),))
+@pytest.mark.parametrize(
+    ("upper", "expected"), [(0.2, "coverage: only 2.*pair$"), (50.8, r"coverage: .*pair \(bounds in mm\?\)$")]
+)
+def test_bounds_far_beyond_the_scan_are_reported(sound, upper, expected):
+    scene = Scene("line", (Axis("x", 0.0, upper),), (Phalanx("index", (0.0,)),))
     scan = Scan(sound.states[:, :1], sound.strain[:, :8], sound.sweep, ("x",), ("index",))
     (finding,) = findings(scan, scene, [])
-    assert finding.startswith("coverage: only 2")
+    assert re.match(expected, finding)
