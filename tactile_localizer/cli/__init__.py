@@ -109,21 +109,27 @@ def command_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
 class _Parser(argparse.ArgumentParser):
     """A parser whose errors are one line, with the option or the choice that a misspelled one resembles."""
 
+    _words: Sequence[str] = ()
+
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        self._words = args or ()
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:  # of a command; the parser of all commands has other options
-            hint = did_you_mean(unknown[0].partition("=")[0], self._option_string_actions)
-            self.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
         return found, unknown
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"error: {message}; `{self.prog} --help` shows what can be given\n")
+        options = self._option_string_actions
+        typed = (word.partition("=")[0] for word in self._words if word.startswith("--"))
+        unknown = (word for word in typed if not any(option.startswith(word) for option in options))
+        hint = next(filter(None, (did_you_mean(word, options) for word in unknown)), "")
+        self.exit(2, f"error: {message}{hint}; `{self.prog} --help` shows what can be given\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         try:
             super()._check_value(action, value)
         except argparse.ArgumentError as error:
-            suggestion = did_you_mean(str(value), map(str, action.choices or ()))
+            suggestion = did_you_mean(str(value).lower(), map(str, action.choices or ()))
             raise argparse.ArgumentError(action, f"{error.message}{suggestion}") from None
 
 

@@ -253,6 +253,10 @@ def test_a_seed_that_is_no_number_is_refused(command, seed, capsys: pytest.Captu
         ("replay a.csv --scan a_scan --filter gird", "grid"),
         ("replay a.csv --scan a_scan --rport=a.html", "--report"),
         ("scan info a_scan --jsn a.json", "--json"),
+        ("REPLAY a.csv", "replay"),
+        ("--vresion", "--version"),
+        ("replay a.csv --sacn a_scan", "--scan"),
+        ("import csv a.csv --scnee=bump.yaml --mni-samples", "--scene"),
     ],
 )
 def test_a_misspelled_word_has_a_suggestion(typed: str, meant: str, capsys: pytest.CaptureFixture) -> None:
