@@ -66,11 +66,6 @@ class Rig:
     seed : seed of all random processes
     speed : speed of the palm in a sweep, m/s
     rate : sampling rate of the strain in simulated time, Hz
-
-    Raises
-    ------
-    ParameterError
-        No such feature, a speed or rate that is not positive.
     """
 
     def __init__(self, feature: str, seed: int, speed: float, rate: float) -> None:
@@ -82,7 +77,6 @@ class Rig:
         self._sweep: RecordedSweep | None = None
         self._from = np.zeros(2)
         self._prepared_s = self._started_s = np.inf
-        simulate_sweep(feature, seed, speed=speed, rate=rate)  # validates the arguments
         for mode in MODES:  # compute the contact tables now rather than in real time
             contact(feature, mode, np.zeros(1), np.zeros(1))
 

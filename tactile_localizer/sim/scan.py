@@ -94,7 +94,7 @@ def simulate_recording(
     Raises
     ------
     ParameterError
-        No such feature or kind, no sweeps, a speed or rate that is not positive.
+        No sweeps, or impossible numbers of channels.
     """
     count = {"train": TRAINING_SWEEPS, "test": TEST_SWEEPS}.get(kind, 1) if sweeps is None else sweeps
     if count < 1:

@@ -50,11 +50,6 @@ class Coverage:
     def fraction(self) -> float:
         """Covered fraction, 0 to 1."""
         if self._fraction is None:
-            self._fraction = float(np.mean(self._distances() < 1.0))
+            distance = ndimage.distance_transform_edt(~self._visited, sampling=self._sampling)
+            self._fraction = float(np.mean(distance < 1.0))
         return self._fraction
-
-    def _distances(self) -> np.ndarray:
-        """Distance of each cell from the nearest visited one, in sweep distances; infinite without any."""
-        if not self._visited.any():
-            return np.full(self._shape, np.inf)
-        return ndimage.distance_transform_edt(~self._visited, sampling=self._sampling)

@@ -13,7 +13,6 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from tactile_localizer.core.geometry.angles import wrap_angle
-from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Axis
 from tactile_localizer.streams.runs import (
     LATE,
@@ -259,16 +258,7 @@ class Pairing(Generic[T]):
         return len(self._waiting)
 
     def add_pose(self, stamp_ns: int, position: np.ndarray) -> list[Pair[T]]:
-        """Add a palm position (d,), m (yaw: rad); returns the pairs that are now complete, by stamp.
-
-        Raises
-        ------
-        MeasurementError
-            The position is not finite or not of the scene's axes.
-        """
-        if np.shape(position) != (len(self._axes),) or not np.all(np.isfinite(position)):
-            names = ", ".join(axis.name for axis in self._axes)
-            raise MeasurementError(f"palm position: expected finite {names}, got {position}")
+        """Add a finite palm position (d,), m (yaw: rad); returns the pairs that it completes, by stamp."""
         if (run := self._runs.add(POSES, stamp_ns)) == LATE:
             return []
         pose_ns, poses = self._poses.setdefault(run, ([], []))

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tactile_localizer.errors import ParameterError
 from tactile_localizer.sim import simulate_recording, simulate_sweep
 
 FIELDS = ("stamp_ns", "truth", "position", "strain")
@@ -60,18 +59,3 @@ def test_sweeps_may_have_any_direction():
     sweep = simulate_sweep("bump", 1, 0, start=(0.05, 0.04), end=(0.01, 0.0))
     np.testing.assert_allclose(sweep.truth[0], (0.05, 0.04), atol=1e-3)
     np.testing.assert_allclose(sweep.truth[-1], (0.01, 0.0), atol=4e-3)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"feature": "button"}, r"feature 'button': expected one of"),
-        ({"kind": "exam"}, r"sweep kind 'exam': expected one of train, test"),
-        ({"speed": 0.0}, r"sweep speed: expected a positive number, got 0.0"),
-        ({"rate": float("nan")}, r"sweep rate: expected a positive number, got nan"),
-        ({"end": (0.0, 0.0254)}, r"expected an end different from its start"),
-    ],
-)
-def test_invalid_sweeps_are_refused(arguments, message):
-    with pytest.raises(ParameterError, match=message):
-        simulate_sweep(**{"feature": "bump", "seed": 1, **arguments})

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Axis
 from tactile_localizer.streams.runs import LATE, runs_of
 from tactile_localizer.streams.synchronization import (
@@ -126,16 +125,6 @@ def test_a_backward_jump_of_either_topic_resets(first):
         assert pose(pairing, 100, 0.5) == [(100_001, None)]
     assert pose(pairing, 110, 0.7) == [(105, 0.6)]
     assert pairing.resets == 1
-
-
-@pytest.mark.parametrize("position", [[math.nan], [math.inf], [0.1, 0.2], []])
-def test_a_refused_pose_changes_nothing(position):
-    pairing = Pairing(AXES)
-    pose(pairing, 100, 0.1)
-    with pytest.raises(MeasurementError, match="palm position: expected finite x, got"):
-        pairing.add_pose(105 * MS, np.array(position))
-    strain(pairing, 105)
-    assert pose(pairing, 110, 0.2) == [(105, 0.15)]
 
 
 @given(
