@@ -2,9 +2,12 @@
 
 import argparse
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from tactile_localizer.cli.can_logs import add_can_arguments, log_reader
+import numpy as np
+
 from tactile_localizer.cli.outputs import InputPath, output_path
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
@@ -16,14 +19,16 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.scan import examined
 from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.errors import ScanError, SceneError, counted, printable
+from tactile_localizer.errors import CanError, ScanError, SceneError, counted, printable
 from tactile_localizer.io.csv.columns import ColumnNaming, MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
+from tactile_localizer.io.csv.table import Table
 from tactile_localizer.io.recording import Recording, join, scan_of
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.offline.examination import describe_examination, examination_findings
 from tactile_localizer.offline.scan_quality import findings
 from tactile_localizer.resources import given_or_shipped
@@ -52,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from_can = kinds.add_parser("can", help="one or more CAN logs: candump -l, .asc, .blf or .trc")
     text = "one sweep per log; the positions are those of --poses"
     from_can.add_argument("files", type=InputPath, nargs="+", metavar="LOG", help=text)
-    add_can_arguments(from_can)
+    _add_can_arguments(from_can)
     add_csv_arguments(from_can)
     proposal = " (default: a proposed one, written beside the scan)"
     for kind, proposed in ((from_csv, proposal), (from_bag, ""), (from_can, "")):
@@ -71,6 +76,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         )
         text = "import even if less than half of the samples are usable"
         kind.add_argument("--force", action="store_true", help=text)
+
+
+def _add_can_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options for CAN logs: layout, channel."""
+    add = parser.add_argument_group("CAN logs").add_argument
+    add(
+        "--dbc",
+        type=InputPath,
+        required=True,
+        metavar="FILE",
+        help="CAN database (DBC): a file, or the name of a shipped one",
+    )
+    text = "parameters of the driver node, if messages or signals do not have the default names"
+    add("--params-file", type=InputPath, metavar="YAML", help=text)
+    add("--channel", default="", metavar="NAME", help="channel in a log of several, such as can0")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -123,7 +143,7 @@ def _tables(args: argparse.Namespace, scene: Scene, naming: ColumnNaming) -> Rec
     """The recording of CSV files, or of CAN logs with CSV files of the poses."""
     if args.kind == "can" and not args.poses:
         raise ScanError("import can: expected --poses FILE with the palm positions beside the log")
-    strain = log_reader(args, scene) if args.kind == "can" else None
+    strain = _log_reader(args, scene) if args.kind == "can" else None
     return read_csv(
         args.files,
         scene,
@@ -149,3 +169,38 @@ def _proposed(args: argparse.Namespace, naming: ColumnNaming) -> tuple[Scene, li
             f"{path}: expected no file; pass it by --scene {path}, or remove it for a new proposal"
         )
     return propose_scene(args.output.name, args.files, naming, args.poses, args.max_gap)
+
+
+def _log_reader(args: argparse.Namespace, scene: Scene) -> Callable[[Path], Table]:
+    """A function that reads the strain of the scene's phalanges in a log.
+
+    Raises
+    ------
+    CanError, SceneError
+        The DBC lacks a phalanx of the scene, or has another number of channels for it.
+    """
+    # Imported here because cantools takes 0.3 s, which other recordings do not need.
+    from tactile_localizer.io.can.log import read_log
+    from tactile_localizer.io.can.protocol import protocol_of
+
+    parameters = load_yaml(args.params_file, "a parameter file", CanError, _flat) if args.params_file else {}
+    protocol = protocol_of(scene.phalanx_names, {**parameters, "dbc": args.dbc})
+    scene.channels(protocol.phalanges, protocol.channels.counts)  # as many as the scene has
+
+    def table(path: Path) -> Table:
+        with progress_line() as progress:
+            stamp_ns, strain, notes = read_log(path, protocol, args.channel, progress)
+        return Table(stamp_ns, np.empty((len(strain), 0)), strain, {}, 0, notes)
+
+    return table
+
+
+def _flat(content: Any, prefix: str = "") -> dict[str, Any]:
+    """Parameters in a file of ROS by their names, with dots between group and member."""
+    found: dict[str, Any] = {}
+    for name, value in mapping(content, "parameters").items():
+        if isinstance(value, dict):
+            found |= _flat(value, "" if "ros__parameters" in (name, *value) else f"{prefix}{name}.")
+        else:
+            found[f"{prefix}{name}"] = value
+    return found

@@ -31,8 +31,7 @@ from tactile_localizer.errors import (
     TactileLocalizerError,
     counted,
 )
-from tactile_localizer.io.confinement import confined
-from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scans.folder import ScanFolder, confined
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.recorder import StrainSample
 from tactile_localizer.io.scene_file import load_scene

@@ -32,15 +32,38 @@ from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.ros.base.background import run_in_thread
 from tactile_localizer.ros.base.executable import run
 from tactile_localizer.ros.base.managed_node import ManagedNode
+from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.conversions import from_ns
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
-from tactile_localizer.ros.mapping_parameters import PARAMETERS
 from tactile_localizer.ros.publishers.maps import MapPublisher
-from tactile_localizer.ros.subscriptions.tactile_inputs import INPUTS, TactileInputs
-from tactile_localizer.streams.coverage import Coverage
+from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, INPUTS, SYNCHRONIZATION, TactileInputs
+from tactile_localizer.streams.coverage import SWEEP_DISTANCE_M, Coverage
 from tactile_localizer.streams.runs import NANOSECONDS
-from tactile_localizer.streams.sweep_detector import SweepDetector
+from tactile_localizer.streams.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M, SweepDetector
 from tactile_localizer.streams.synchronization import Pair
+
+PARAMETERS = (
+    Parameter("scan_file", "", "Scan (folder) to record to; an existing one is continued", at_start=True),
+    Parameter("scene_file", "", "Scene (YAML) of the recording: path or shipped file name", at_start=True),
+    *SYNCHRONIZATION,
+    Parameter(
+        "sweep_detection",
+        "off",
+        "Detection of sweeps from the motion; off: services delimit them, one_way: without return motions",
+        choices=("off", "both_ways", "one_way"),
+    ),
+    Parameter("reversal_m", DEFAULT_REVERSAL_M, "Backward travel that ends a sweep", "m", 1e-5, 1.0),
+    Parameter("rest_s", DEFAULT_REST_S, "Time at rest that ends a sweep", "s", 0.1, 60.0),
+    Parameter(
+        "sweep_distance_m",
+        SWEEP_DISTANCE_M,
+        "Distance between neighbouring sweeps, for the coverage",
+        "m",
+        1e-5,
+        1.0,
+    ),
+    *FRAMES,
+)
 
 _STATUS_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _COMMIT_PERIOD_S = 0.2

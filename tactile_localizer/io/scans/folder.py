@@ -165,6 +165,26 @@ class ScanFolder:
         return dict(sorted(files.items())), misnamed
 
 
+def confined(path: str, directory: str) -> Path:
+    """Resolve ``path`` relative to ``directory``, following all links.
+
+    Raises
+    ------
+    ScanError
+        No directory is set, or the resolved path is outside it.
+    """
+    if not directory:
+        raise ScanError("scan_directory: expected a directory of scans, found none")
+    root = Path(directory).expanduser().resolve()
+    try:
+        resolved = (root / path).resolve()
+    except (OSError, RuntimeError, ValueError):  # a loop of links, a NUL
+        raise ScanError(f"{path!r}: expected a path in {root}") from None
+    if root not in resolved.parents:
+        raise ScanError(f"{path!r}: expected a path in {root}, found {resolved}")
+    return resolved
+
+
 def require_new(sweep: RecordedSweep, known: dict[int, int], where: str) -> None:
     """Require that a sweep does not hold the pairs of another one, as when a recording is given twice.
 

@@ -3,7 +3,7 @@
 import pytest
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.confinement import confined
+from tactile_localizer.io.scans.folder import confined
 
 
 @pytest.fixture
