@@ -52,8 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the action."""
-    work: Callable[[argparse.Namespace], int] = args.work
-    return work(args)
+    return args.work(args)
 
 
 def _info(args: argparse.Namespace) -> int:

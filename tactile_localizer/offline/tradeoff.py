@@ -227,5 +227,4 @@ def _in_processes(
 
     with joblib.parallel_config("loky", inner_max_num_threads=1):
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator", batch_size=1)
-        outcomes: Iterator[Trade | str] = parallel(map(joblib.delayed(measure), measured))
-    return outcomes
+        return parallel(map(joblib.delayed(measure), measured))

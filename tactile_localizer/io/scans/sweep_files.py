@@ -208,5 +208,4 @@ def _checksum(scene: Scene) -> int:
 def _details(end: bytes) -> dict[str, Any]:
     """What the last line says; empty if it is damaged."""
     crc, _, text = end.partition(b" ")
-    details: dict[str, Any] = json.loads(text) if crc == b"%08x" % zlib.crc32(text) else {}
-    return details
+    return json.loads(text) if crc == b"%08x" % zlib.crc32(text) else {}

@@ -35,5 +35,4 @@ async def run_in_thread(node: Node, work: Callable[[], T]) -> T:
             finish()
 
     threading.Thread(target=run, name=f"{node.get_name()}: background", daemon=True).start()
-    result: T = await future
-    return result
+    return await future

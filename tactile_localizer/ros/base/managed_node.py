@@ -203,8 +203,7 @@ class ManagedNode(LifecycleNodeMixin, Node):
         if not self._in_transition.acquire(timeout=_BETWEEN_TRANSITIONS_S):
             raise LiveError(f"{wanted}: expected no transition in progress, found one")
         try:
-            answer: ChangeState.Response = self._change_state(request, response)
-            return answer
+            return self._change_state(request, response)
         except RuntimeError:  # from rclpy
             raise LiveError(f"{wanted}: expected a transition that the present state has") from None
         finally:
