@@ -20,6 +20,7 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import load_naming, naming_from_pairs
 from tactile_localizer.io.csv.recording import read_csv
+from tactile_localizer.io.recording import RecordedSweep, Recording, join, scan_of
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -80,22 +81,6 @@ class Pair(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sweep:
-    """One recording: n samples along the fabric.
-
-    Parameters
-    ----------
-    stamp_ns : (n,) int64
-    position : (n,) m
-    strain : (n, 16) counts
-    """
-
-    stamp_ns: np.ndarray
-    position: np.ndarray
-    strain: np.ndarray
-
-
-@dataclass(frozen=True)
 class Perturbation:
     """Changes to recordings before they are localized.
 
@@ -110,7 +95,7 @@ class Perturbation:
     drift: float = 0.0
     noisy_channel: float = 0.0
 
-    def of(self, sweep: Sweep, noise_width: np.ndarray) -> Sweep:
+    def of(self, sweep: RecordedSweep, noise_width: np.ndarray) -> RecordedSweep:
         """Add the noise to a recording; ``noise_width`` (16,)."""
         noise = np.random.default_rng(_NOISE_SEED).standard_normal(len(sweep.strain))
         strain = sweep.strain.copy()
@@ -192,23 +177,16 @@ def load_map(condition: Condition) -> FabricMap:
     """Map of a condition's first two repeats."""
     files = dict(condition.files)
     repeats = [load_sweep(files[repeat], condition.speed) for repeat in _MAPPED]
-    length = float(max(repeat.position[-1] for repeat in repeats))
-    axis = Axis("x", 0.0, length)
-    scene = Scene(condition.name, (axis,), _PHALANGES)
-    scan = Scan(
-        states=np.concatenate([repeat.position for repeat in repeats])[:, None],
-        strain=np.concatenate([repeat.strain for repeat in repeats]),
-        sweep=np.repeat(np.arange(len(repeats)), [len(repeat.position) for repeat in repeats]),
-        axes=scene.axis_names,
-        phalanges=scene.phalanx_names,
-    )
+    length = float(max(repeat.position[-1, 0] for repeat in repeats))
+    scene = Scene(condition.name, (Axis("x", 0.0, length),), _PHALANGES)
+    scan = scan_of(join([Recording(condition.name, tuple(repeats))]), scene)
     first, second = repeats
-    inside = first.position <= second.position[-1]
-    there = _interpolated(first.position[inside], second.position, second.strain)
+    inside = first.position[:, 0] <= second.position[-1, 0]
+    there = _interpolated(first.position[inside, 0], second.position[:, 0], second.strain)
     return FabricMap(scan, scene, length, np.std(first.strain[inside] - there, axis=0))
 
 
-def load_sweep(path: Path, speed: float) -> Sweep:
+def load_sweep(path: Path, speed: float) -> RecordedSweep:
     """Read a recording made at ``speed`` mm/s.
 
     Raises
@@ -220,16 +198,12 @@ def load_sweep(path: Path, speed: float) -> Sweep:
     naming = load_naming(resource_path("config/import/fabric_slide.yaml"))
     naming = naming_from_pairs([f"x=timestamp*{1e-6 * abs(speed):.9g}"], naming)
     (sweep,) = read_csv(path, scene, naming).sweeps
-    valid = np.isfinite(sweep.strain).all(axis=1)
-    return Sweep(sweep.stamp_ns[valid], sweep.position[valid, 0], sweep.strain[valid])
+    return sweep.part(np.isfinite(sweep.strain).all(axis=1), sweep.number)
 
 
-def cut(sweep: Sweep, begin: float, end: float) -> Sweep:
+def cut(sweep: RecordedSweep, begin: float, end: float) -> RecordedSweep:
     """Samples of a recording between two positions, m."""
-    part = slice(*np.searchsorted(sweep.position, (begin, end)))
-    return replace(
-        sweep, stamp_ns=sweep.stamp_ns[part], position=sweep.position[part], strain=sweep.strain[part]
-    )
+    return sweep.part(slice(*np.searchsorted(sweep.position[:, 0], (begin, end))), sweep.number)
 
 
 def _interpolated(at: np.ndarray, known: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -24,8 +24,8 @@ between 0 and 1, and over all starts:
 ``converged_false_strains``
     share of all strains, of all starts together, after which the estimate is false
 ``coverage``
-    share of the strains after which the estimate is converged whose 95 % region, mean +- 1.96 standard
-    deviations, holds the true position; none where it never converges
+    share of the strains after which the estimate is converged whose 95 % region holds the true
+    position; none where it never converges
 ``coverage_40_mm``
     the same of all strains after 40 mm of travel, converged or not
 ``travel_to_convergence_mm``
@@ -62,7 +62,7 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
@@ -74,7 +74,6 @@ from fabric_recordings import (
     FabricMap,
     Pair,
     Perturbation,
-    Sweep,
     cut,
     find_conditions,
     find_pairs,
@@ -87,6 +86,9 @@ from rows import Row, accuracy_parser, measured, print_rows
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.io.recording import RecordedSweep, Recording
+from tactile_localizer.offline.metrics import covered, position_error
+from tactile_localizer.offline.replay import replay
 from tactile_localizer.offline.tradeoff import named_configuration
 
 TRAVEL = 0.165
@@ -96,7 +98,6 @@ RIGHT = 0.005
 KIDNAPPED, AWAY, AGAIN = 0.08, 0.1, 0.04
 """m: travel before the hand is placed elsewhere, least distance of that, travel to converge again."""
 
-_QUANTILE = 1.96
 _SETTLED = 0.04
 """m of travel from which coverage is measured whether or not the estimate is converged."""
 
@@ -136,45 +137,38 @@ class Attempt:
 
 
 def localize(
-    localizer: Localizer, sweep: Sweep, travel: np.ndarray, wrong: bool, drift: np.ndarray | float = 0.0
+    localizer: Localizer,
+    sweep: RecordedSweep,
+    travel: np.ndarray,
+    wrong: bool,
+    drift: np.ndarray | float = 0.0,
 ) -> Attempt:
     """Localize a recording, from a uniform prior.
 
-    ``travel`` (n,) m is what the arm reports, ``drift`` (C,) what is added to the strain per m of it.
+    ``travel`` (n, 1) m is what the arm reports, ``drift`` (C,) what is added to the strain per m of it.
     """
-    localizer.reset()
-    strains = sweep.strain + travel[:, None] * drift
-    means, stds, converged, seconds = [], [], [], []
-    for stamp_ns, displaced, strain in zip(sweep.stamp_ns.tolist(), travel, strains, strict=True):
-        position = np.array([displaced])
-        began = time.thread_time()
-        estimate = localizer.update(stamp_ns, position, strain)
-        taken = time.thread_time() - began
-        means.append(float(estimate.mean[0]))
-        stds.append(float(np.sqrt(estimate.covariance[0, 0])))
-        converged.append(bool(estimate.converged))
-        if estimate.updated:
-            seconds.append(taken)
-    error = np.abs(np.array(means) - sweep.position)
+    felt = replace(sweep, position=travel, truth=sweep.position, strain=sweep.strain + travel * drift)
+    (replayed,) = replay(localizer, Recording("", (felt,)))
+    error = position_error(replayed)
     return Attempt(
-        travel=travel,
+        travel=travel[:, 0],
         error=np.full_like(error, np.inf) if wrong else error,
-        covered=error <= _QUANTILE * np.array(stds),
-        converged=np.array(converged),
-        update_s=np.array(seconds),
+        covered=covered(replayed) > 0.0,
+        converged=replayed.converged,
+        update_s=replayed.seconds[replayed.updated],
     )
 
 
-def starts_of(sweep: Sweep, length: float, count: int) -> tuple[np.ndarray, float]:
+def starts_of(sweep: RecordedSweep, length: float, count: int) -> tuple[np.ndarray, float]:
     """Positions of the starts, m, and the travel from each, m, on the first ``length`` m of a recording."""
-    length = min(length, float(sweep.position[-1]))
+    length = min(length, float(sweep.position[-1, 0]))
     travel = min(TRAVEL, length / 2)
     return np.linspace(0.0, length - travel, count), travel
 
 
 def from_all_starts(
     localizer: Localizer,
-    sweep: Sweep,
+    sweep: RecordedSweep,
     length: float,
     count: int,
     wrong: bool,
@@ -209,7 +203,7 @@ def measures(attempts: Sequence[Attempt], wrong: bool) -> Row:
 
 
 def kidnapped(
-    localizer: Localizer, sweep: Sweep, length: float, count: int, drift: np.ndarray | float = 0.0
+    localizer: Localizer, sweep: RecordedSweep, length: float, count: int, drift: np.ndarray | float = 0.0
 ) -> Row:
     """The measures of ``--kidnap``."""
     starts, travel = starts_of(sweep, length, count)
@@ -238,16 +232,14 @@ def kidnapped(
     }
 
 
-def _joined(first: Sweep, second: Sweep) -> tuple[Sweep, np.ndarray]:
+def _joined(first: RecordedSweep, second: RecordedSweep) -> tuple[RecordedSweep, np.ndarray]:
     """One sweep after the other without a displacement between them, and the travel that the arm reports."""
     step_ns = first.stamp_ns[-1] - first.stamp_ns[-2]
-    stamp_ns = second.stamp_ns - second.stamp_ns[0] + first.stamp_ns[-1] + step_ns
+    second = replace(second, stamp_ns=second.stamp_ns - second.stamp_ns[0] + first.stamp_ns[-1] + step_ns)
     gone = first.position - first.position[0]
-    joined = Sweep(
-        np.concatenate([first.stamp_ns, stamp_ns]),
-        np.concatenate([first.position, second.position]),
-        np.concatenate([first.strain, second.strain]),
-    )
+    names = ("stamp_ns", "position", "strain", "status")
+    both = {name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in names}
+    joined = replace(first, **both)
     return joined, np.concatenate([gone, gone[-1] + second.position - second.position[0]])
 
 
@@ -285,7 +277,7 @@ def _measure_pair(
     sweep = load_sweep(pair.recording.tested, pair.recording.speed)
     sweep = perturbation.of(sweep, fabric.noise_width)
     drift = perturbation.drift_per_m(fabric.noise_width)
-    length = float(sweep.position[-1]) if wrong else fabric.length
+    length = float(sweep.position[-1, 0]) if wrong else fabric.length
     if kidnap:
         return kidnapped(localizer, sweep, length, starts, drift)
     attempts = from_all_starts(localizer, sweep, length, starts, wrong, drift)
