@@ -15,7 +15,8 @@ prints it after ``error:`` and exits with status 2; a node logs it and rejects t
 """
 
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 
 _MAX_LENGTH = 800
@@ -96,3 +97,13 @@ class MeasurementError(TactileLocalizerError, ValueError):
 
 class LiveError(TactileLocalizerError):
     """A node that ended unexpectedly or did not respond in time."""
+
+
+@contextmanager
+def refusing(expected: str, error: type[TactileLocalizerError], *kinds: type[Exception]) -> Iterator[None]:
+    """Context that turns exceptions of some kinds into an ``error``: what was expected, and the reason."""
+    try:
+        yield
+    except kinds as problem:
+        reason = getattr(problem, "strerror", None) or in_one_line(problem)
+        raise error(f"{expected}, {reason}") from None

@@ -24,7 +24,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Empty, Trigger
 
 from tactile_localizer.demo.nodes import Nodes, own_domain
-from tactile_localizer.errors import LiveError
+from tactile_localizer.errors import LiveError, refusing
 from tactile_localizer.io.bags.reader import typestore
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.msg import Posterior, ScanStatus, StrainVectors
@@ -247,11 +247,9 @@ def record_session(
         The process was asked to end.
     """
     logs, scan, store = folder / "log", folder / "scan", typestore()
-    try:
+    with refusing(f"{folder}: expected a writable folder", LiveError, OSError, WriterError):
         logs.mkdir(parents=True, exist_ok=True)
         writer = Writer(folder / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
-    except (OSError, WriterError) as error:
-        raise LiveError(f"{folder}: expected a writable folder, {error}") from None
     connections: dict[str, Connection] = {}
 
     def record(topic: str, raw: bytes, sent_ns: int) -> None:

@@ -5,6 +5,7 @@ Import, replay and evaluation work on a :class:`Recording` and do not depend on 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -294,15 +295,10 @@ SCENE_OF_SCAN = "scene.yaml"
 
 def is_scan(path: Path) -> bool:
     """Whether a path is a scan: a folder with a scene."""
-    try:
-        return (path / SCENE_OF_SCAN).is_file()
-    except (OSError, ValueError):  # no permission, a NUL in the name
-        return False
+    return os.path.isfile(path / SCENE_OF_SCAN)  # noqa: PTH113  false without permission, too
 
 
 def is_bag(path: Path) -> bool:
     """Whether a path is a bag: a folder that is not a scan, or a file with an extension of bags."""
-    try:
-        return path.name.endswith(BAG_EXTENSIONS) or (path.is_dir() and not is_scan(path))
-    except OSError:  # the name is too long
-        return False
+    is_folder = os.path.isdir(path)  # noqa: PTH112  false where the name is too long, too
+    return path.name.endswith(BAG_EXTENSIONS) or (is_folder and not is_scan(path))

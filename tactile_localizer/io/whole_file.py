@@ -6,11 +6,11 @@ A command replaces only what :func:`is_result`; recordings, scans and everything
 import errno
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from tactile_localizer.errors import ScanError, TactileLocalizerError
+from tactile_localizer.errors import ScanError, TactileLocalizerError, refusing
 
 RESULT = "result of tactile-localizer"
 """Text in the first or last bytes of each file that a command may replace."""
@@ -44,13 +44,9 @@ def open_file(path: str | Path) -> BinaryIO:
     return path.open("rb")
 
 
-@contextmanager
-def writing(path: str | Path, error: type[TactileLocalizerError] = ScanError) -> Iterator[None]:
+def writing(path: str | Path, error: type[TactileLocalizerError] = ScanError) -> AbstractContextManager[None]:
     """Context that turns a failure to write a file into an ``error`` that names it."""
-    try:
-        yield
-    except OSError as problem:
-        raise error(f"{path}: could not be written, {problem.strerror or problem}") from None
+    return refusing(f"{path}: could not be written", error, OSError)
 
 
 @contextmanager

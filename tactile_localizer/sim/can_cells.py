@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import can
 import numpy as np
 
-from tactile_localizer.errors import CanError
+from tactile_localizer.errors import CanError, refusing
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 
 
@@ -69,14 +69,9 @@ class CanLoadCells:
                 if self._rng.random() < faults.garbage:
                     frames.append(self._garbage(frame))
         self._sequence += 1
-        for frame in frames:  # one after the other, so that they are close together on the bus
-            self._put(frame)
-
-    def _put(self, frame: can.Message) -> None:
-        try:
-            self._bus.send(frame)
-        except (can.CanError, OSError) as error:
-            raise CanError(f"{self._bus.channel_info}: could not send a frame, {error}") from error
+        with refusing(f"{self._bus.channel_info}: could not send a frame", CanError, can.CanError, OSError):
+            for frame in frames:  # one after the other, so that they are close together on the bus
+                self._bus.send(frame)
 
     def _garbage(self, frame: can.Message) -> can.Message:
         """A random invalid frame."""

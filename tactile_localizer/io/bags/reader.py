@@ -10,7 +10,7 @@ import zstandard
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from tactile_localizer.errors import ScanError, SceneError, in_one_line
+from tactile_localizer.errors import ScanError, SceneError, in_one_line, refusing
 from tactile_localizer.io.bags.storage import Contents, Topic, read_storage
 from tactile_localizer.io.whole_file import open_file
 from tactile_localizer.resources import resource_path
@@ -195,11 +195,9 @@ def _types_below(folder: str | Path | None, kind: str) -> dict[str, Any]:
     types: dict[str, Any] = {}
     for path in sorted(Path(folder).rglob("*.msg")):
         package = path.parent.parent.name if path.parent.name == "msg" else kind.partition("/")[0]
-        try:
-            with open_file(path) as file:
-                types |= get_types_from_msg(file.read().decode(), f"{package}/msg/{path.stem}")
-        except Exception as error:  # as above
-            raise ScanError(f"{path}: expected a message definition, {in_one_line(error)}") from None
+        expected = f"{path}: expected a message definition"
+        with refusing(expected, ScanError, Exception), open_file(path) as file:
+            types |= get_types_from_msg(file.read().decode(), f"{package}/msg/{path.stem}")
     if not types:
         raise ScanError(f"{folder}: expected a folder of .msg files, found none")
     return types

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import cantools
 from cantools.database.can import Database, Message
 
-from tactile_localizer.errors import CanError, listed
+from tactile_localizer.errors import CanError, listed, refusing
 
 # cantools logs errors that are raised below as one line.
 logging.getLogger("cantools").addHandler(logging.NullHandler())
@@ -54,15 +54,14 @@ def read_messages(
         The file cannot be read or is not a DBC; a phalanx has no message; a message is twice in the DBC, or
         contradicts itself.
     """
-    try:
+    expected = f"{path}: expected a DBC file"
+    with refusing(expected, CanError, OSError):
         text = _decoded(Path(path).read_bytes())
-    except OSError as error:
-        raise CanError(f"{path}: expected a DBC file, {error.strerror}") from error
     plain = _TEXT.sub(lambda found: " " * len(found[0]), text)
     long_names = dict(_LONG_NAME.findall(text))
     blocks = [(str(long_names.get(one["number"], one["name"])), one) for one in _MESSAGE.finditer(plain)]
     if not blocks:
-        raise CanError(f"{path}: expected a DBC file, found no messages (BO_) in it")
+        raise CanError(f"{expected}, found no messages (BO_) in it")
     chosen = _choose(phalanges, messages, [name for name, _ in blocks])
     used = dict.fromkeys(_name_of(reference) for own in chosen for reference in own)
     for name in used:
@@ -73,11 +72,8 @@ def read_messages(
             pieces.append(text[end : block.start()])
             end = block.end()
     text = _MANY_VALUES.sub("", "".join([*pieces, text[end:]]))
-    try:
+    with refusing(expected, CanError, cantools.Error, ValueError, LookupError, TypeError, RecursionError):
         database = cantools.database.load_string(text, database_format="dbc", prune_choices=False)
-    except (cantools.Error, ValueError, LookupError, TypeError, RecursionError) as error:
-        reason = next(iter(str(error).splitlines()), type(error).__name__)
-        raise CanError(f"{path}: expected a DBC file, {reason}") from error
     assert isinstance(database, Database)
     by_name = {message.name: message for message in database.messages}
     _check_types(plain, blocks, database.messages)

@@ -12,7 +12,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ScanError, refusing
 from tactile_localizer.io.whole_file import open_file
 
 _MOST_NUMBERS = 25_000_000
@@ -63,37 +63,35 @@ def read_rows(path: Path, wanted: Collection[str] = ()) -> tuple[Header, Iterato
 
 
 def _rows(path: Path, wanted: Collection[str]) -> Iterator[Any]:
-    try:
-        with open_file(path) as stored:
-            lines, size = _lines(path, stored)
-            head = [next(lines, "")]
-            while head[-1] and len(head) < _HEAD and len("".join(head)) < _MAX_LINE:
-                head.append(next(lines, ""))
-            header = _header(head, wanted)
-            yield header
-            most = _MOST_NUMBERS // max(len(wanted), 1)
-            expected = size * len(head) // max(len("".join(head)), 1)
-            width, names, is_units = len(header.names), head[max(header.line - 1, 0)], True
-            for number, line in enumerate(chain(head[header.line :], lines), header.line + 1):
-                if (found := max(number, expected)) > most:
-                    raise ScanError(
-                        f"{path}: expected at most {most} rows, found {found}, or a file that is cut short; "
-                        "split it by sweeps"
-                    )
-                if line.isspace() or line.startswith(_COMMENTS) or line == names or not line:
-                    continue
-                cells = _cells(line, header.separator)
-                is_units = is_units and not any(map(_NUMBER.fullmatch, cells))
-                if is_units:
-                    continue
-                if len(cells) > width and any(map(str.strip, cells[width:])):
-                    raise ScanError(
-                        f"{path} line {number}: expected {width} cells as in the header, found {len(cells)} "
-                        "(decimal commas? write points, or separate by semicolons)"
-                    )
-                yield number, cells
-    except (OSError, EOFError, zlib.error, ValueError, csv.Error) as error:
-        raise ScanError(f"{path}: expected a CSV file, {getattr(error, 'strerror', '') or error}") from None
+    kinds = OSError, EOFError, zlib.error, ValueError, csv.Error
+    with refusing(f"{path}: expected a CSV file", ScanError, *kinds), open_file(path) as stored:
+        lines, size = _lines(path, stored)
+        head = [next(lines, "")]
+        while head[-1] and len(head) < _HEAD and len("".join(head)) < _MAX_LINE:
+            head.append(next(lines, ""))
+        header = _header(head, wanted)
+        yield header
+        most = _MOST_NUMBERS // max(len(wanted), 1)
+        expected = size * len(head) // max(len("".join(head)), 1)
+        width, names, is_units = len(header.names), head[max(header.line - 1, 0)], True
+        for number, line in enumerate(chain(head[header.line :], lines), header.line + 1):
+            if (found := max(number, expected)) > most:
+                raise ScanError(
+                    f"{path}: expected at most {most} rows, found {found}, or a file that is cut short; "
+                    "split it by sweeps"
+                )
+            if line.isspace() or line.startswith(_COMMENTS) or line == names or not line:
+                continue
+            cells = _cells(line, header.separator)
+            is_units = is_units and not any(map(_NUMBER.fullmatch, cells))
+            if is_units:
+                continue
+            if len(cells) > width and any(map(str.strip, cells[width:])):
+                raise ScanError(
+                    f"{path} line {number}: expected {width} cells as in the header, found {len(cells)} "
+                    "(decimal commas? write points, or separate by semicolons)"
+                )
+            yield number, cells
 
 
 def _lines(path: Path, stored: BinaryIO) -> tuple[Iterator[str], int]:

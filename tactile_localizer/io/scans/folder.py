@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ScanError, refusing
 from tactile_localizer.io.recording import SCENE_OF_SCAN as SCENE
 from tactile_localizer.io.recording import RecordedSweep, Recording, is_scan, scan_of
 from tactile_localizer.io.scans.sweep_files import read_sweep
@@ -150,10 +150,8 @@ class ScanFolder:
             The folder cannot be listed.
         """
         place = self.path / folder
-        try:
+        with refusing(f"{place}: could not be read", ScanError, OSError):
             found = sorted(place.iterdir()) if place.exists() else []
-        except OSError as error:
-            raise ScanError(f"{place}: could not be read, {error.strerror}") from None
         files: dict[int, Path] = {}
         misnamed = []
         for file in found:

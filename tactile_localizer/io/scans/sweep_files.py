@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ScanError, refusing
 from tactile_localizer.io.recording import ENDED, ENDED_EARLY, RecordedSweep
 from tactile_localizer.io.scene_file import require_same_scene, scene_to_dict
 from tactile_localizer.io.status import OK
@@ -144,22 +144,19 @@ def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, in
     start, size, begin = _checksum(scene), _record_type(scene).itemsize, len(_header(scene, 0))
     intact, rest, at = bytearray(), b"", 0  # bytes behind the last intact record, and how many are checked
     most = max(2 * size, _MOST_DAMAGE // size)
-    try:
-        with open_file(path) as file:
-            lost = os.fstat(file.fileno()).st_size - begin
-            file.seek(begin)
-            while at < most and len(intact) < _MOST_BYTES and (piece := file.read(_PIECE)):
-                rest += piece
-                good = 0
-                while at + size <= len(rest) and at - good < most:
-                    record = rest[at : at + size]
-                    at += 1
-                    if zlib.crc32(record, start) == _RESIDUE:
-                        intact += record
-                        at = good = at - 1 + size
-                rest, at = rest[good:], at - good
-    except OSError as error:
-        raise ScanError(f"{path}: could not be read, {error.strerror}") from None
+    with refusing(f"{path}: could not be read", ScanError, OSError), open_file(path) as file:
+        lost = os.fstat(file.fileno()).st_size - begin
+        file.seek(begin)
+        while at < most and len(intact) < _MOST_BYTES and (piece := file.read(_PIECE)):
+            rest += piece
+            good = 0
+            while at + size <= len(rest) and at - good < most:
+                record = rest[at : at + size]
+                at += 1
+                if zlib.crc32(record, start) == _RESIDUE:
+                    intact += record
+                    at = good = at - 1 + size
+            rest, at = rest[good:], at - good
     _, mark, end = rest.rpartition(_END)
     line = end.partition(b"\n")[0]
     details = _details(line) if mark else {}

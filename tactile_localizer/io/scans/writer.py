@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tactile_localizer import __version__
-from tactile_localizer.errors import ScanError
+from tactile_localizer.errors import ScanError, refusing
 from tactile_localizer.io.recording import SCENE_OF_SCAN as SCENE
 from tactile_localizer.io.recording import RecordedSweep, is_scan
 from tactile_localizer.io.scans import FORMAT
@@ -131,15 +131,13 @@ class ScanWriter(ScanFolder):
 
 def _open_for_writing(path: Path, scene: Scene) -> int:
     """Make a scan, unless there is one, and lock it; returns its history, whose closing ends the lock."""
-    try:
+    with refusing(f"{path}: expected a folder that can be written", ScanError, OSError):
         found = {file.name for file in path.iterdir()} if path.exists() else set()
         if SCENE not in found and any(not name.startswith((".", HISTORY)) for name in found):
             raise ScanError(f"{path}: expected a scan or an empty folder, found other files")
         path.mkdir(parents=True, exist_ok=True)
         # A pipe of this name would block.
         history = os.open(path / HISTORY, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK, 0o666)
-    except OSError as error:
-        raise ScanError(f"{path}: expected a folder that can be written, {error.strerror}") from None
     try:
         fcntl.flock(history, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if not is_scan(path):
