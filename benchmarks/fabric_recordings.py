@@ -5,8 +5,6 @@ Files are named ``<fabric>_F<force>_V<speed>mmps_<repeat>.csv`` and have the col
 first sample. A negative speed is the opposite direction, whose recordings need a separate map.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Iterable

@@ -54,8 +54,6 @@ The file of ``--json`` has ``arguments``, ``rows`` and ``totals`` (of each kind:
 rows, medians of its other measures, and the worst of each).
 """
 
-from __future__ import annotations
-
 import os
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"

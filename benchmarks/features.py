@@ -35,8 +35,6 @@ a seed and a feature, and has
 times are averaged, counts are summed.
 """
 
-from __future__ import annotations
-
 import os
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"

@@ -8,8 +8,6 @@ got a posterior, and how long after the strain it was published, ms. Before it, 
 with the same topics that computes nothing.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import itertools

@@ -1,7 +1,5 @@
 """Measures of localized sweeps whose true positions and contact with a feature are known."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from typing import Any

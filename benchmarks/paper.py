@@ -9,8 +9,6 @@ findings, each *held*, *not held*, or *open* where the 95 % confidence interval 
 the false alarms of its plain convergence criteria (III-D), and draws its Fig. 5 and 8 into DIR (out/paper).
 """
 
-from __future__ import annotations
-
 import os
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"

@@ -4,8 +4,6 @@ Its widths are set by hand (III-C), its sum of Gaussians is the joint form, and 
 measurement.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactile_localizer.core.configuration import Configuration

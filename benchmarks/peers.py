@@ -8,8 +8,6 @@ all alike. A row is a filter and a number of particles: the median of an update 
 weights particles all over the scene, us, and in times of this package's.
 """
 
-from __future__ import annotations
-
 import os
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"

@@ -49,8 +49,6 @@ standard deviations of a visit's noise to ``train``, ``test`` and ``blank``, so 
 ``totals``: counts summed over all rows, other measures averaged.
 """
 
-from __future__ import annotations
-
 import os
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"

@@ -18,8 +18,6 @@ sweeps no claim is right. A row is a range of claims, and has
 Every folder has the same weight, and in it every file.
 """
 
-from __future__ import annotations
-
 import os
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"

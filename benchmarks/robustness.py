@@ -8,8 +8,6 @@ error, takes over five seconds of processor time or over 1 GB of memory is a fau
 file kept.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

@@ -1,7 +1,5 @@
 """Rows of accuracy benchmarks: computed in parallel, written as JSON, printed as a table."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

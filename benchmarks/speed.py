@@ -23,8 +23,6 @@ beside their errors, ``peers.py`` those of other packages' particle filters.
     recorded time over processor time of decoding and assembling 14 load cells at 500 Hz from memory
 """
 
-from __future__ import annotations
-
 import os
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"

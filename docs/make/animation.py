@@ -3,8 +3,6 @@
 `make pictures` runs it.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Extension of griffe for the page of the library: types come from signatures, not from docstrings."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -3,8 +3,6 @@
 `make pictures` runs it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import matplotlib.pyplot as plt

@@ -3,8 +3,6 @@
 ``scripts/in_env python docs/make/essentials.py PROCESSES`` prints the numbers, too.
 """
 
-from __future__ import annotations
-
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace

@@ -3,8 +3,6 @@
 The page goes to the file that is named, as DDS may print to standard output.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

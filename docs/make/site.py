@@ -1,7 +1,5 @@
 """Hooks of mkdocs: pages from all over the repository keep their paths; links to messages show them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
