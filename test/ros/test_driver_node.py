@@ -79,6 +79,20 @@ class Hand:
         """Send until ``condition`` is true."""
         self._probe.until(lambda: self.send() or condition(), what)
 
+    def wait_for_strain(self, expected: list[float], what: str) -> None:
+        """Send until the newest strain is ``expected``, V."""
+        strains = self.strains
+        self.sending(lambda: strains and np.allclose(strains[-1].strain, expected, atol=0.001), what)
+
+    def call(self, service: str) -> Any:
+        """The response of a service of the driver while the hand sends."""
+        client = self._probe.node.create_client(Trigger, f"tactile_driver/{service}")
+        self._probe.until(client.service_is_ready, service)
+        self._probe.known_to("tactile_driver")
+        future = client.call_async(Trigger.Request())
+        self.sending(future.done, f"an answer of {service}")
+        return future.result()
+
     def start(self) -> None:
         """Send until the driver has published the last cycle; then count and gather from now on."""
         self._probe.until(lambda: self.reports, "the driver")
@@ -150,64 +164,36 @@ def test_simulated_time_stamps_with_the_node_clock(node_process, parameters, han
     hand.sending(stamped, "a stamp of simulated time")
 
 
-class Tares:
-    """Strain, offsets and services of a driver node while ``hand`` sends."""
+def test_a_tare_is_published_stored_and_cleared(node_process, parameters, probe, hand):
+    offsets = probe.listen(StrainVectors, "tactile_driver/tare_offset", probe.latched)
 
-    def __init__(self, probe: Any, hand: Hand) -> None:
-        self.offsets = probe.listen(StrainVectors, "tactile_driver/tare_offset", probe.latched)
-        self._probe, self._hand = probe, hand
-
-    def wait_for_strain(self, expected: list[float], what: str) -> None:
-        """Send until the newest strain is ``expected``, V."""
-        strains = self._hand.strains
-        self._hand.sending(lambda: strains and np.allclose(strains[-1].strain, expected, atol=0.001), what)
-
-    def wait_for_offset(self, expected: list[float], what: str, after: int = 0) -> None:
+    def wait_for_offset(expected: list[float], what: str, after: int = 0) -> None:
         """Wait until the newest of more than ``after`` offsets is ``expected``, V."""
-        self._probe.until(
-            lambda: len(self.offsets) > after and np.allclose(self.offsets[-1].strain, expected, atol=0.001),
-            what,
+        probe.until(
+            lambda: len(offsets) > after and np.allclose(offsets[-1].strain, expected, atol=0.001), what
         )
 
-    def tare(self) -> Any:
-        """The response to a tare in which the hand has sent enough samples: a busy machine holds it up."""
-        for _ in range(20):
-            if "samples of" not in (answer := self.call("tare")).message:
-                break
-        return answer
-
-    def call(self, service: str) -> Any:
-        """The response of a service while the hand sends."""
-        client = self._probe.node.create_client(Trigger, f"tactile_driver/{service}")
-        self._probe.until(client.service_is_ready, service)
-        self._probe.known_to("tactile_driver")
-        future = client.call_async(Trigger.Request())
-        self._hand.sending(future.done, f"an answer of {service}")
-        return future.result()
-
-
-def test_a_tare_is_published_stored_and_cleared(node_process, parameters, probe, hand):
-    tares = Tares(probe, hand)
     node = node_process("driver_node", parameters=parameters)
-    tares.wait_for_offset([0.0] * 16, "the offset at the start")  # a tare is never automatic
+    wait_for_offset([0.0] * 16, "the offset at the start")  # a tare is never automatic
     hand.rests = True
     raw = [0.5] * 8 + [1.5] * 8
-    tares.wait_for_strain(raw, "strain of the hand at rest")
+    hand.wait_for_strain(raw, "strain of the hand at rest")
     before = len(hand.strains)
-    answer = tares.tare()
+    answers = (hand.call("tare") for _ in range(20))  # a busy machine holds the hand up: too few samples
+    answer = next(one for one in answers if "samples of" not in one.message)
     assert answer.success, answer.message
     assert len(hand.strains) > before + 3  # strain was published during the tare
-    tares.wait_for_strain([0.0] * 16, "strain without the offset")
-    tares.wait_for_offset(raw, "the new offset")
+    hand.wait_for_strain([0.0] * 16, "strain without the offset")
+    wait_for_offset(raw, "the new offset")
 
     assert node.stop() == 0
-    count = len(tares.offsets)
+    count = len(offsets)
     hand.strains.clear()
     node = node_process("driver_node", parameters=parameters)
-    tares.wait_for_offset(raw, "the stored offset", after=count)
-    tares.wait_for_strain([0.0] * 16, "strain without the stored offset")
-    assert tares.call("clear_tare").success
-    tares.wait_for_strain(raw, "raw strain")
+    wait_for_offset(raw, "the stored offset", after=count)
+    hand.wait_for_strain([0.0] * 16, "strain without the stored offset")
+    assert hand.call("clear_tare").success
+    hand.wait_for_strain(raw, "raw strain")
     assert not Path(parameters["tare_file"]).read_text().count("index")
 
 
