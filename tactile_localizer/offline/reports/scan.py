@@ -39,6 +39,8 @@ def scan_report(
     found : findings that need attention
     examination : of the scan
     """
+    fingers = len(scan.phalanges)
+    hand = f"{fingers} phalanges" if fingers > 1 else "1 phalanx"
     return html_page(
         kind="Scan of a material",
         title=file_names(scan_name),
@@ -49,7 +51,7 @@ def scan_report(
         tiles=[
             (f"{len(scan):,}", "pairs of position and strain"),
             tuple(counted(len(scan.sweep_numbers), "sweep").split()),
-            (str(scan.layout.size), f"channels on {len(scan.phalanges)} phalanges"),
+            (str(scan.layout.size), f"channels on {hand}"),
         ],
         sections=[
             *examination_sections(examination, scene, ()),

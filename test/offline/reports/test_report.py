@@ -165,6 +165,7 @@ def test_any_scene_and_name_can_be_reported(
         assert {"<script>alert(1)</script>", "<b>&$"} <= set(
             re.findall(r"<script>.*?</script>|<b>&\$", page.text)
         )
+    assert re.search(r"channels on 1 phalanx\b", page.text)
 
 
 def test_without_a_truth_the_report_says_that_a_claim_may_be_wrong(folder: Path, tmp_path: Path) -> None:
