@@ -25,7 +25,7 @@ def held_out_figure(examination: Examination, scene: Scene, size_in: tuple[float
     colours = [WRONG if each.wrong else CONVERGED if each.right else SEARCHING for each in outcomes]
     for index, (axis, plot) in enumerate(zip(scene.axis_names, plots, strict=True)):
         errors = display_units(axis, np.array([each.error[index] for each in outcomes]))
-        plot.scatter([each.sweep for each in outcomes], errors, c=colours, s=22)
+        plot.scatter([each.sweep + 1 for each in outcomes], errors, c=colours, s=22)
         plot.set(ylabel=f"error in {axis_label(axis)}", ylim=(0.0, 1.1 * max(float(errors.max()), 1.0)))
         plot.grid(alpha=0.3)
     plots[-1].set_xlabel("sweep of the scan, held out")

@@ -5,8 +5,10 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Rectangle
 
+from tactile_localizer.core.calibration.examination import Examination, Outcome
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
+from tactile_localizer.offline.figures.examination import held_out_figure
 from tactile_localizer.offline.figures.tactile_map import MapFigures
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
@@ -80,3 +82,11 @@ def test_a_single_sweep_can_be_drawn(scan, tmp_path):
     figures = MapFigures(scan.select(scan.sweep == 3), SCENE).channels()
     for name, figure in figures.items():
         figure.savefig(tmp_path / f"{name}.png", dpi=30)
+
+
+def test_held_out_sweeps_are_counted_from_one_as_in_the_findings():
+    outcomes = tuple(
+        Outcome(sweep, True, -1.0, True, False, True, (0.001,) * 2, (0.001,) * 2) for sweep in (0, 2)
+    )
+    (plot, _) = held_out_figure(Examination(outcomes=outcomes), SCENE, (4.0, 3.0)).axes
+    assert plot.collections[0].get_offsets()[:, 0].tolist() == [1.0, 3.0]
