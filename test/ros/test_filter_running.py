@@ -44,8 +44,8 @@ def probe(running):
     return running.probe
 
 
-def slide_until(node, reason, samples=1, **how):
-    """Slide, ``samples`` at once, until a posterior gives this reason (regular expression)."""
+def slide_until(node, condition, what, samples=1, **how):
+    """Slide, ``samples`` at once and at a pace at which the sweep lasts, until a condition holds."""
     due_s = time.monotonic()
 
     def given():
@@ -53,9 +53,20 @@ def slide_until(node, reason, samples=1, **how):
         if time.monotonic() >= due_s and node.hand.next + samples < len(node.hand.strain_ns):
             due_s = time.monotonic() + 0.05 * samples**0.5
             node.hand.slide(samples, **how)
-        return next((one for one in node.posteriors if re.match(reason, one.reason)), None)
+        return condition()
 
-    return node.probe.until(given, reason)
+    return node.probe.until(given, what)
+
+
+def slide_until_reason(node, reason, samples=1, **how):
+    """Slide until a posterior gives this reason (regular expression)."""
+    return slide_until(
+        node,
+        lambda: next((one for one in node.posteriors if re.match(reason, one.reason)), None),
+        reason,
+        samples,
+        **how,
+    )
 
 
 MISSING = (
@@ -139,7 +150,9 @@ def test_without_poses_the_estimate_is_stale(node, probe):
     probe.known_to("tactile_filter")
     node.slide(100)
     last = node.fresh()[-1]
-    stale = slide_until(node, r"stale: no palm_pose on /palm_pose \(1 publisher\), no estimate", poses=False)
+    stale = slide_until_reason(
+        node, r"stale: no palm_pose on /palm_pose \(1 publisher\), no estimate", poses=False
+    )
     assert stale.stale
     assert (list(stale.mean), stamp_of(stale)) == (list(last.mean), stamp_of(last))
     assert not stale.converged
@@ -167,7 +180,7 @@ def test_poses_that_are_too_far_apart_are_the_reason(node, monkeypatch):
 
     send = node.hand.send_pose
     monkeypatch.setattr(node.hand, "send_pose", send_some)
-    slide_until(node, r"stale: palm_pose at 2\.5 Hz, max_gap_s 0\.1, no estimate", samples=10)
+    slide_until_reason(node, r"stale: palm_pose at 2\.5 Hz, max_gap_s 0\.1, no estimate", samples=10)
 
 
 def test_without_strain_the_estimate_is_stale(node, probe):
@@ -186,9 +199,7 @@ def test_poses_with_the_stamps_of_another_clock_are_reported(node, probe, monkey
     monkeypatch.setattr(node.hand, "pose_ns", node.hand.pose_ns + ahead_s * 1_000_000_000)
     node.hand.slide(10)
     probe.call(Empty, "tactile_filter/reinitialize_global_localization")
-    probe.until(
-        lambda: node.hand.slide(1) or "palm_pose: stamps are 3" in node.status("inputs")[1], "the report"
-    )
+    slide_until(node, lambda: "palm_pose: stamps are 3" in node.status("inputs")[1], "the report")
     assert re.search(rf"3(600\.\d|599\.\d) s {what} the strain", node.status("inputs")[1])
     probe.until(lambda: node.status("inputs")[0] == b"\x02", "the error level")
     assert not node.fresh()
@@ -197,7 +208,7 @@ def test_poses_with_the_stamps_of_another_clock_are_reported(node, probe, monkey
 def test_poses_that_are_ahead_are_not_taken_for_missing_strain(node, monkeypatch):
     node.slide(20)
     monkeypatch.setattr(node.hand, "pose_ns", node.hand.pose_ns + 800_000_000)
-    slide_until(node, r"stale: palm_pose: stamps are 0\.\d s ahead of the strain")
+    slide_until_reason(node, r"stale: palm_pose: stamps are 0\.\d s ahead of the strain")
 
 
 def test_zero_stamps_are_ignored(node):

@@ -24,6 +24,8 @@ from tactile_localizer.streams.synchronization import pair_recorded
 
 PHALANGES = ("index", "middle")
 NODE = "tactile_mapping"
+QUEUES = {**DEEP_QUEUE, "queue_depth": 10_000, "patience_s": 30.0}
+"""As deep as those of the publishers: a node that gets no processor for half a minute loses nothing."""
 
 
 @contextmanager
@@ -116,7 +118,7 @@ def require_as_offline(sweep, stream):
     ids=["late", "another clock", "ahead", "a busy node"],
 )
 def test_a_sweep_is_an_interval_of_the_stamps(node_process, probe, files, delay_s, clock_s, is_busy):
-    parameters = {**files, **DEEP_QUEUE, "patience_s": 30.0}
+    parameters = {**files, **QUEUES}
     node = node_process("mapping_node", parameters)
     stream = Stream(probe, delay_s, clock_s)
     try:
@@ -147,7 +149,7 @@ def test_a_sweep_is_an_interval_of_the_stamps(node_process, probe, files, delay_
 def test_no_pair_is_lost_beside_six_busy_processes(node_process, probe, files):
     """With five poses for each strain vector, the poses must not fall behind."""
     two_periods_ns = 2 * Stream.STRAIN_MS * MS
-    node_process("mapping_node", parameters={**files, **DEEP_QUEUE, "patience_s": 30.0})
+    node_process("mapping_node", parameters={**files, **QUEUES})
     stream = Stream(probe)
     intervals = []
     try:
