@@ -1,7 +1,5 @@
 """From a scan, a scene and a configuration to a localizer that is ready to be fed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 Live nodes, replay and benchmarks share it.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

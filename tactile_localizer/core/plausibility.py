@@ -1,7 +1,5 @@
 """Plausibility of what a localizer receives: the unit of the stamps, and gauges that are stuck."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactile_localizer.core.geometry.motion import MotionModel

@@ -1,7 +1,5 @@
 """Mean of the strains since the last measurement update."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactile_localizer.core.geometry.motion import MotionModel

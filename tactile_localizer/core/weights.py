@@ -1,7 +1,5 @@
 """Weights: Bayes' rule, effective sample size, moments."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The examination of a scan in words: what its held-out sweeps show, and what needs attention."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from typing import Any

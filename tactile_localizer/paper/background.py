@@ -1,7 +1,5 @@
 """Background density of strains that nothing in the scan explains."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Measurement model with separate featureless regions (paper, III-D, Eq. 5 to 7)."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Single-Gaussian measurement models, with moments of the k nearest training pairs (paper, III-B, Eq. 3)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ A sparse matrix, built once, spreads the training pairs on the nodes around them
 weight per pair, a Gaussian filter of the lattice, and a cubic spline through the log-likelihoods.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

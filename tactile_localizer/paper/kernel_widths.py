@@ -3,8 +3,6 @@
 The paper sets S_x and S_z by hand (III-C).
 """
 
-from __future__ import annotations
-
 import reprlib
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Sum-of-Gaussians measurement model (paper, III-C, Eq. 4)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What is learned from held-out sweeps, and kept with a scan."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -12,8 +12,6 @@ chance are not chosen. Where an axis is known no better than by ignorance, it is
 that was scanned tells places along it apart.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

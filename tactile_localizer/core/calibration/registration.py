@@ -5,8 +5,6 @@ strains of a sweep share its shift, so a belief does not contain it. The errors 
 them the beliefs do not explain is the registration error, whose variance is added to that of the filter.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the grid and the particle filter have in common."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 import numpy as np

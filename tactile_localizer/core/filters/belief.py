@@ -1,7 +1,5 @@
 """Moments of a belief."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

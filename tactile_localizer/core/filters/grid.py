@@ -1,7 +1,5 @@
 """Grid filter: the exact Bayes recursion (paper, Eq. 1 and 2) on cells that cover the scene."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Particle filter: sampling importance resampling (paper, III-A and its reference [7])."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

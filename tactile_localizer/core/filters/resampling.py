@@ -1,7 +1,5 @@
 """Systematic resampling of particles in proportion to their weights."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,7 +1,5 @@
 """Anchors: centres of the boxes of a lattice over the scene that moves with the palm."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Angles on the circle."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lattices of states."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

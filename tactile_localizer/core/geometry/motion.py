@@ -1,7 +1,5 @@
 """Motion model: the displacement of the arm plus noise that grows with the travel (paper, Eq. 1)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@
 An axis that the scene does not name is zero.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactile_localizer.core.geometry.angles import wrap_angle

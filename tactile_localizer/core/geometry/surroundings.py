@@ -1,7 +1,5 @@
 """The part of a scene in which a hand is localized."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Whether the position has converged: a probability, held over a distance."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import Enum
 

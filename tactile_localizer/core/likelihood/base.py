@@ -1,7 +1,5 @@
 """Interface of the measurement models, and checks of their arguments."""
 
-from __future__ import annotations
-
 import math
 import reprlib
 from typing import Any, Protocol, runtime_checkable

@@ -3,8 +3,6 @@
 The map, the alternatives to it and the level of a sweep all use this noise model.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Tables of the expected strain and its variance on a lattice, computed once per scan."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Multivariate Student-t distribution, of the difference between two visits to a place."""
 
-from __future__ import annotations
-
 import numpy as np
 
 DEGREES_OF_FREEDOM = 8.0

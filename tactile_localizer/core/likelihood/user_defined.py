@@ -1,7 +1,5 @@
 """Measurement models outside of the core, named ``module:Class``: the paper's, or a user's."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager

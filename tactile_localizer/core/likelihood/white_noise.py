@@ -3,8 +3,6 @@
 It needs no map, and so it can be measured in the sweep at hand and compared with that of the scan.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Digest of a scan and a scene, the key of results that were computed from them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Lines of a scan, each of one or more sweeps: spacing, repetitions, and differences of their strains."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactile_localizer.core.scan.tracks import PITCH, Tracks, evenly

@@ -1,7 +1,5 @@
 """Tactile map (paper, II-B): the strains of a scan interpolated on a regular grid of palm positions."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
