@@ -136,9 +136,10 @@ class Examination:
 
 
 class _HeldOut(NamedTuple):
-    """A sweep of the scan that is held out: its number in the scan, n positions (n, d) and strains (n, C)."""
+    """A sweep that is held out: its number, its track, and its n positions (n, d) and strains (n, C)."""
 
     number: int
+    track: int
     positions: np.ndarray
     strain: np.ndarray
 
@@ -207,9 +208,10 @@ def _held_out(scan: Scan, tracks: Tracks) -> list[_HeldOut]:
     inner = order[1:-1] if len(order) > 4 else order  # the outermost lie beside the map of the others
     found = []
     for place in evenly(len(inner), _TRIALS):
-        number = int(inner[place])
-        own = scan.sweep == scan.sweep_numbers[number]
-        found.append(_HeldOut(number, positions[own], strain[own]))
+        track = int(inner[place])
+        number = int(scan.sweep_numbers[track])  # others may have been dropped before it
+        own = scan.sweep == number
+        found.append(_HeldOut(number, track, positions[own], strain[own]))
     return found
 
 
@@ -223,9 +225,9 @@ def _trials_on_map(
     model: SweepModel, build: Build, sweeps: Sequence[_HeldOut], rng: np.random.Generator
 ) -> Iterator[_Trial]:
     """Sweeps from their start or from further on, each on the map without it."""
-    tracks, numbers = model.scan.tracks, [sweep.number for sweep in sweeps]
+    tracks, held_out = model.scan.tracks, [sweep.track for sweep in sweeps]
     maps = [
-        build(model.part(~np.isin(tracks.number, numbers[first::_MAPS])), tracks.scene)
+        build(model.part(~np.isin(tracks.number, held_out[first::_MAPS])), tracks.scene)
         for first in range(min(_MAPS, len(sweeps)))
     ]
     for which, begins_late in _turns(len(sweeps)):
@@ -265,7 +267,7 @@ def _part(sweep: _HeldOut, rows: np.ndarray, begin: float, scene: Scene) -> _Hel
     on_the_way = np.flatnonzero(np.diff(farthest, prepend=-1.0) > 0.0)
     rows = rows[on_the_way[int(begin * len(on_the_way))] :]
     rows = rows[_travels(sweep.positions[rows], scene).cumsum() <= _LONGEST]
-    return _HeldOut(sweep.number, sweep.positions[rows], sweep.strain[rows])
+    return sweep._replace(positions=sweep.positions[rows], strain=sweep.strain[rows])
 
 
 def _across(tracks: Tracks) -> np.ndarray:
@@ -282,7 +284,7 @@ def _travels(positions: np.ndarray, scene: Scene) -> np.ndarray:
 
 def _localize(trial: _Trial, information_length: float) -> Outcome:
     """Localize a trial with the noise of odometry, scoring what is published of the truth."""
-    localizer, (number, positions, strains) = trial.localizer, trial.sweep
+    localizer, (number, _, positions, strains) = trial.localizer, trial.sweep
     scene, radius = localizer.scene, localizer.criteria.radius
     motion = MotionModel(scene)
     localizer.reset()

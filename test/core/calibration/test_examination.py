@@ -96,7 +96,7 @@ def outcome(trial: _Trial, score: float = 0.0, wrong: bool = False, y: float = 0
 def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two passes, one after the other: no line twice while another was not held out."""
     one = scan(0.15)
-    again = replace(one, sweep=one.sweep + len(one.sweep_numbers))
+    again = replace(one, sweep=one.sweep + 2 * len(one.sweep_numbers))  # others were dropped between them
     both = replace(
         one,
         **{k: np.concatenate([getattr(s, k) for s in (one, again)]) for k in ("states", "strain", "sweep")},
@@ -106,6 +106,7 @@ def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.M
     def localized(trial: _Trial, _: float) -> Outcome:
         if trial.on_map:
             places.append(float(trial.sweep.positions[0, 1]))
+            assert trial.sweep.number in both.sweep_numbers
         return outcome(trial)
 
     monkeypatch.setattr(module, "_localize", localized)
