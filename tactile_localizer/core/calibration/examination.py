@@ -284,12 +284,12 @@ def _travels(positions: np.ndarray, scene: Scene) -> np.ndarray:
 
 def _localize(trial: _Trial, information_length: float) -> Outcome:
     """Localize a trial with the noise of odometry, scoring what is published of the truth."""
-    localizer, (number, _, positions, strains) = trial.localizer, trial.sweep
+    localizer, (number, track, positions, strains) = trial.localizer, trial.sweep
     scene, radius = localizer.scene, localizer.criteria.radius
     motion = MotionModel(scene)
     localizer.reset()
     localizer.information_length = information_length
-    rng = np.random.default_rng(number)
+    rng = np.random.default_rng(track)
     steps = rng.standard_normal(positions.shape) * scene.motion_std
     odometry = positions + np.cumsum(steps * np.sqrt(_travels(positions, scene))[:, None], axis=0)
     score: list[float] = []
