@@ -1,12 +1,11 @@
 """Messages of the load cells in a DBC, with their gauges, counters and statuses."""
 
 import math
-import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import Literal, NamedTuple, TypeAlias
+from typing import TypeAlias
 
 from can.util import dlc2len, len2dlc
 from cantools.database.can import Message, Signal
@@ -195,43 +194,12 @@ def _check_gauge(message: Message, gauge: Signal) -> None:
         raise CanError(f"{where}: expected a range that its bits can have, found {ends}")
 
 
-class Field(NamedTuple):
-    """Bits of a signal in data, which are read as one number.
-
-    Parameters
-    ----------
-    order : byte order of that number
-    shift, mask : place of the lowest bit in it, and the bits from there on
-    sign : highest bit of a signed integer; 0 of others
-    form : of a float, for :mod:`struct`; empty: an integer
-    """
-
-    order: Literal["little", "big"]
-    shift: int
-    mask: int
-    sign: int
-    form: str
-
-    def read(self, number: int) -> float:
-        """The raw value in data that are ``number`` in the byte order of the field."""
-        bits = number >> self.shift & self.mask
-        if self.form:
-            value: float = struct.unpack(self.form, bits.to_bytes(struct.calcsize(self.form), "little"))[0]
-            return value
-        return bits - 2 * (bits & self.sign)
-
-
-def field_of(signal: Signal, begin: int, size: int) -> Field:
-    """Bits of ``signal`` in ``size`` bytes of data, in which its message begins with byte ``begin``."""
-    mask, sign, form = (1 << signal.length) - 1, 0, ""
-    if signal.is_float:
-        form = {16: "<e", 32: "<f", 64: "<d"}[signal.length]
-    elif signal.is_signed:
-        sign = 1 << (signal.length - 1)
+def bits_of(signal: Signal) -> list[int]:
+    """Numbers of the bits of ``signal`` in its message, the least significant first."""
     if signal.byte_order == "little_endian":
-        return Field("little", 8 * begin + signal.start, mask, sign, form)
-    first = 8 * begin + (signal.start ^ 7)  # bits count down in a byte, and bytes count up
-    return Field("big", 8 * size - first - signal.length, mask, sign, form)
+        return list(range(signal.start, signal.start + signal.length))
+    first = signal.start ^ 7  # bits count down in a byte, and bytes count up
+    return [place ^ 7 for place in reversed(range(first, first + signal.length))]
 
 
 def range_of(signal: Signal) -> tuple[float, float]:

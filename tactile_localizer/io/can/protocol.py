@@ -14,8 +14,8 @@ from tactile_localizer.io.can.layout import (
     VOLTS,
     LoadCellMessage,
     SignalNames,
+    bits_of,
     compile_layout,
-    field_of,
     range_of,
     saturation_of,
 )
@@ -84,22 +84,44 @@ class LoadCellProtocol:
         }
         self._ends = np.cumsum([message.length for message in self.messages]).tolist()
         self.size = self._ends[-1]
-        self._counters = [_counter_of(message) for message in self.messages]
+        self._counters = [_shift_of(message) for message in self.messages]
+        self._compile()
+
+    def _compile(self) -> None:
+        """Prepare the decoding of all gauges and statuses at once: S signals, the first C of them gauges.
+
+        Bits above a signal's own repeat its sign, or are those of a byte of zeros behind the frames.
+        """
         gauges = {
-            column: (slot, signal)
+            column: (signal, slot)
             for slot, message in enumerate(self.messages)
             for column, signal in message.gauges.items()
         }
-        statuses = [(slot, message.status) for slot, message in enumerate(self.messages) if message.status]
+        statuses = [(message.status, slot) for slot, message in enumerate(self.messages) if message.status]
         signals = [gauges[column] for column in range(self.channels.size)] + statuses
-        self._fields = [field_of(one, self.bytes_of(slot).start, self.size) for slot, one in signals]
-        own = [signal for _, signal in signals[: self.channels.size]]
+        width = next(bits for bits in (8, 16, 32, 64) if bits >= max(one.length for one, _ in signals))
+        zero = 8 * self.size
+        bits_of_row, kinds = [], dict[str, list[int]]()
+        for row, (signal, slot) in enumerate(signals):
+            bits = [8 * self.bytes_of(slot).start + bit for bit in bits_of(signal)]
+            above = bits[-1] if signal.is_signed else zero
+            bits_of_row.append(bits + [above] * (width - len(bits)))
+            is_unsigned = not signal.is_signed and signal.length == width  # of fewer bits, the highest is 0
+            letter = "f" if signal.is_float else "u" if is_unsigned else "i"
+            size = signal.length if signal.is_float else width
+            kinds.setdefault(f"<{letter}{size // 8}", []).append(row)
+        self._bits = np.array([bits_of_row[row] for rows in kinds.values() for row in rows]).ravel()
+        self._kinds, end = list[tuple[str, slice, int, np.ndarray]](), 0
+        for kind, rows in kinds.items():
+            begin, end = end, end + len(rows) * width // 8
+            self._kinds.append((kind, slice(begin, end), width // 8 // int(kind[2:]), np.array(rows)))
+        own = [signal for signal, _ in signals[: self.channels.size]]
         self._volts = np.array([VOLTS[one.unit] for one in own])
         self._scale, self._offset = self._volts * np.array([(float(a.scale), float(a.offset)) for a in own]).T
         self._lowest, self._highest = np.array([range_of(one) for one in own]).T
         self._below, self._above = np.array([saturation_of(one) for one in own]).T
-        self._statuses = [signal for _, signal in statuses]
-        self._status_phalanx = np.array([self.messages[slot].phalanx for slot, _ in statuses], int)
+        self._statuses = [signal for signal, _ in statuses]
+        self._status_phalanx = np.array([self.messages[slot].phalanx for _, slot in statuses], int)
 
     @property
     def filters(self) -> list[can.typechecking.CanFilter]:
@@ -179,9 +201,12 @@ class LoadCellProtocol:
 
     def _values(self, data: bytes | bytearray) -> tuple[np.ndarray, np.ndarray]:
         """Strain (C,), V, and the raw statuses in the order of :attr:`messages`."""
-        number = {"little": int.from_bytes(data, "little"), "big": int.from_bytes(data, "big")}
-        raw = np.array([field.read(number[field.order]) for field in self._fields], float)
+        bits = np.unpackbits(np.frombuffer(data + b"\0", np.uint8), bitorder="little")
+        words = np.packbits(bits.take(self._bits), bitorder="little")
+        raw = np.empty(self.channels.size + len(self._statuses))
         with np.errstate(all="ignore"):  # floats can be anything
+            for kind, place, step, rows in self._kinds:
+                raw[rows] = words[place].view(kind)[::step]
             strain = raw[: self.channels.size] * self._scale + self._offset
         return strain, raw[self.channels.size :]
 
@@ -260,8 +285,12 @@ def protocol_of(phalanges: Sequence[str], parameters: Mapping[str, Any]) -> Load
     return LoadCellProtocol(dbc, phalanges, messages, SignalNames(**names))
 
 
-def _counter_of(message: LoadCellMessage) -> tuple[Literal["little", "big"], int, int]:
+def _shift_of(message: LoadCellMessage) -> tuple[Literal["little", "big"], int, int]:
     """Byte order, shift and mask of a message's counter; mask 0 without one."""
     if message.counter is None:
         return "little", 0, 0
-    return field_of(message.counter, 0, message.length)[:3]
+    mask = (1 << message.counter.length) - 1
+    lowest = bits_of(message.counter)[0]
+    if message.counter.byte_order == "little_endian":
+        return "little", lowest, mask
+    return "big", 8 * message.length - 1 - (lowest ^ 7), mask
