@@ -60,9 +60,11 @@ class DiagnosticsPublisher:
         self._publisher.publish(message)
 
     def _time_problem(self) -> str:
+        if not self._node.get_parameter("use_sim_time").value:
+            return ""
         topic = self._node.resolve_topic_name("/clock")
         publishers = self._node.count_publishers(topic)
-        if not self._node.get_parameter("use_sim_time").value or (publishers and self._node.now_ns):
+        if publishers and self._node.now_ns:
             return ""
         return f"use_sim_time: no time on {topic} ({counted(publishers, 'publisher')})"
 
