@@ -1,8 +1,8 @@
 """Registration error: how far the positions of one sweep are from those of another.
 
 Fingers flex, material stretches and recordings start late, which shifts sweeps against each other. All
-strains of a sweep share its shift, so a belief does not contain it. The errors of held-out sweeps do: what of
-them the beliefs do not explain is the registration error, whose variance is added to that of the filter.
+strains of a sweep share that shift, so the covariance of a filter does not include it. Its variance is what
+that covariance does not explain of the errors of held-out sweeps, and is added to it.
 """
 
 from collections.abc import Sequence
