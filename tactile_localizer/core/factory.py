@@ -31,6 +31,9 @@ _EXAMINED = Configuration(cell=2.0 * Configuration().cell)
 """Configuration of the localizers that examine a scan: cells of twice the size give the same scores
 sooner."""
 
+_LEARNED = 0.9
+"""Part of the progress of a localizer after which all is learned from the scan, and the map is built."""
+
 
 def build_localizer(
     scan: Scan,
@@ -60,7 +63,7 @@ def build_localizer(
     """
     say = progress or _silent
     scene = surroundings(scene, scan.positions_on(scene))
-    say("building the map", 0.0)
+    say("building the map" if calibration else "learning the noise", _LEARNED if calibration else 0.0)
     learned = learn_sweep_model(scan, scene, calibration.variance if calibration else None)
     if calibration is None:
         calibration = _calibrated(scan, scene, learned, say)
@@ -105,7 +108,8 @@ def _assembled(
 
 def _calibrated(scan: Scan, scene: Scene, learned: SweepModel, say: Progress) -> Calibration:
     """Examine the scan, which gives the information length and the registration error."""
-    say("examining the scan by held-out sweeps", 0.2)
+    begun = 0.2 * _LEARNED
+    say("examining the scan by held-out sweeps", begun)
     prior = Calibration(registration_std(scene), learned.variance)
     whole = learned.mixture(scene, learned.cell(scene, _EXAMINED.cell))
     quiet_energy = learned.quiet_energy(whole, UNEXAMINED)
@@ -114,20 +118,24 @@ def _calibrated(scan: Scan, scene: Scene, learned: SweepModel, say: Progress) ->
         return _assembled(part, within, _EXAMINED, prior, np.random.default_rng(0), scan, quiet_energy)
 
     examination = examine(
-        scan, learned, build, lambda done: say("examining the scan by held-out sweeps", 0.2 + 0.8 * done)
+        scan,
+        learned,
+        build,
+        lambda done: say("examining the scan by held-out sweeps", begun + (_LEARNED - begun) * done),
     )
     right = [each for each in examination.on_map if each.right]
     return Calibration(registration_std(scene, right), learned.variance, examination)
 
 
 def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibration:
-    """What :func:`build_localizer` would learn in seconds, to be kept with the scan."""
+    """What :func:`build_localizer` would learn in seconds, to be kept with the scan.
+
+    The progress is a part of that of :func:`build_localizer`, which continues it.
+    """
     say = progress or _silent
     scene = surroundings(scene, scan.positions_on(scene))
     say("learning the noise", 0.0)
-    calibration = _calibrated(scan, scene, learn_sweep_model(scan, scene), say)
-    say("ready", 1.0)
-    return calibration
+    return _calibrated(scan, scene, learn_sweep_model(scan, scene), say)
 
 
 def convergence_criteria(scene: Scene, configuration: Configuration) -> ConvergenceCriteria:

@@ -10,6 +10,7 @@ import subprocess
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from tactile_localizer.errors import LiveError
 from tactile_localizer.resources import resource_path
@@ -20,7 +21,9 @@ _DOMAINS = range(1, 100)
 _FIRST_CAN_PORT = 43200
 """UDP port of the simulated CAN bus of domain 0; udp_multicast separates buses by port only."""
 _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Environment variables that name the profile for Fast DDS 2 and 3."""
+"""Environment variables that name the profile: Fast DDS 2 reads only the first, and 3 warns of it."""
+_FIRST_WITH_FAST_DDS_3 = 9
+"""Major version of rmw_fastrtps: 8 in Jazzy, 9 in Kilted."""
 _STOP_TIMEOUT_S = 5.0
 """Time for the nodes to stop after each signal, s."""
 
@@ -46,12 +49,28 @@ def own_domain() -> Iterator[int]:
                 continue
             os.environ.update(ROS_DOMAIN_ID=str(number), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
             if os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps"):
-                profile = str(resource_path("config/fastdds.xml"))  # its own range is this machine, too
-                os.environ.update(dict.fromkeys(_PROFILE_VARIABLES, profile))
+                use_profile(resource_path("config/fastdds.xml"))  # its own range is this machine, too
                 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
             yield _FIRST_CAN_PORT + number
             return
     raise LiveError("ROS_DOMAIN_ID: expected a free domain from 1 to 99, all are in use")
+
+
+def use_profile(file: Path) -> None:
+    """Name the profile of Fast DDS in the environment, by the variable that the installed version reads."""
+    about = (prefix / "share/rmw_fastrtps_shared_cpp/package.xml" for prefix in _prefixes())
+    versions = (ElementTree.parse(each).findtext("version", "") for each in about if each.is_file())
+    major = int(next(versions, "0").partition(".")[0])
+    for number, variable in enumerate(_PROFILE_VARIABLES):
+        if number == (major >= _FIRST_WITH_FAST_DDS_3):
+            os.environ[variable] = str(file)
+        else:
+            os.environ.pop(variable, None)
+
+
+def _prefixes() -> list[Path]:
+    """Folders in which ROS packages are installed."""
+    return [Path(one) for one in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)]
 
 
 class Nodes:
@@ -123,9 +142,8 @@ def node_command(executable: str, parameters: Mapping[str, Any], files: Sequence
     LiveError
         The workspace is not built, or not sourced.
     """
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     program = shutil.which(
-        executable, path=os.pathsep.join(f"{one}/lib/tactile_localizer" for one in prefixes)
+        executable, path=os.pathsep.join(f"{one}/lib/tactile_localizer" for one in _prefixes())
     )
     if program is None:
         raise LiveError(

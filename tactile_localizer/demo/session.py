@@ -29,6 +29,7 @@ from tactile_localizer.io.bags.reader import typestore
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.msg import Posterior, ScanStatus, StrainVectors
 from tactile_localizer.resources import resource_path
+from tactile_localizer.sim.hand import PHALANGES
 from tactile_localizer.sim.scan import TRAINING_SWEEPS
 from tactile_localizer.streams.runs import to_ns
 
@@ -228,7 +229,8 @@ def record_session(
 ) -> int:
     """Scan a simulated feature and localize on the scan, with all nodes; returns how many frames were lost.
 
-    Writes ``scan``, ``bag`` and ``log``.
+    Those are the frames that the driver missed and the strain vectors that the recording missed, from the
+    first sweep on. Writes ``scan``, ``bag`` and ``log``.
 
     Parameters
     ----------
@@ -275,6 +277,7 @@ def record_session(
         nodes.start("mapping", {**received, "scene_file": resource_path(f"config/scenes/{feature}.yaml")})
         operator.until(lambda: operator.newest["/strain"].strain, "strain")
         operator.until(lambda: int(operator.values("tactile_mapping: scan")["poses"]), "poses in the mapping")
+        dropped, operator.lost = _dropped(operator), 0
         say(f"scanning: {SCAN_SWEEPS} sweeps, two along each line")
         for _ in range(SCAN_SWEEPS):
             operator.sweep(Trigger, "tactile_mapping/start_sweep")
@@ -287,8 +290,12 @@ def record_session(
         for number in range(1, sweeps + 1):
             operator.sweep(Empty, "tactile_filter/reinitialize_global_localization")
             say(f"sweep {number:2}: {operator.present('/tactile_filter/posterior').reason}")
-        drops = (int(operator.values(f"tactile_driver: {name}")["drops"]) for name in ("index", "middle"))
-        return sum(drops) + operator.lost
+        return _dropped(operator) - dropped + operator.lost
+
+
+def _dropped(operator: Operator) -> int:
+    """Frames that the driver has missed since it was started."""
+    return sum(int(operator.values(f"tactile_driver: {name}")["drops"]) for name in PHALANGES)
 
 
 def require_sweeps(scan: Path, count: int) -> None:

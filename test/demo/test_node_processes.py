@@ -7,7 +7,7 @@ import sys
 import pytest
 from support.waiting import children, wait_until
 
-from tactile_localizer.demo.nodes import Nodes, node_command, own_domain
+from tactile_localizer.demo.nodes import Nodes, node_command, own_domain, use_profile
 from tactile_localizer.errors import LiveError
 
 STUBBORN = """
@@ -66,3 +66,32 @@ def test_concurrent_runs_have_domains_of_their_own(monkeypatch):
         with own_domain() as other:
             assert (port, domain) != (other, os.environ["ROS_DOMAIN_ID"])
             assert port - int(domain) == other - int(os.environ["ROS_DOMAIN_ID"])
+
+
+@pytest.mark.parametrize(
+    ("version", "used"),
+    [
+        ("8.4.3", "FASTRTPS_DEFAULT_PROFILES_FILE"),
+        ("9.3.3", "FASTDDS_DEFAULT_PROFILES_FILE"),
+        ("10.0.1", "FASTDDS_DEFAULT_PROFILES_FILE"),
+    ],
+    ids=["Jazzy", "Kilted", "later"],
+)
+def test_the_profile_is_named_by_the_variable_of_the_installed_version(monkeypatch, tmp_path, version, used):
+    """Another one that was set before makes Fast DDS 3 warn, and is not left."""
+    monkeypatch.setattr("os.environ", {"FASTRTPS_DEFAULT_PROFILES_FILE": "other", "HOME": "/root"})
+    package = tmp_path / "share" / "rmw_fastrtps_shared_cpp" / "package.xml"
+    package.parent.mkdir(parents=True)
+    package.write_text(f"<package><version>{version}</version></package>")
+    os.environ["AMENT_PREFIX_PATH"] = f"/nonexistent:{tmp_path}"
+    use_profile(tmp_path / "profile.xml")
+    assert {name: value for name, value in os.environ.items() if "PROFILES" in name} == {
+        used: str(tmp_path / "profile.xml")
+    }
+
+
+def test_a_process_prints_nothing_of_the_middleware(process):
+    """As Fast DDS does if the profile is invalid, or its variable deprecated."""
+    node = process(node_command("filter_node", {"scan_file": "/nonexistent"}))
+    assert node.wait() == 2
+    assert ["[tactile_filter]" in line for line in node.lines] == [True]

@@ -132,7 +132,8 @@ class Convergence:
 
     def _explain(self, near: float, on_map: float, holds: bool) -> str:
         if self.state is State.CONVERGED:
-            return f"converged: probability {self.probability:.3f}"
+            kept = "" if holds else f", kept down to {self.criteria.release:g}"
+            return f"converged: probability {self.probability:.3f}{kept}"
         if holds:
             held, needed = 1e3 * self._held, 1e3 * self.criteria.sustain
             return f"not converged: held over {held:.1f} of {needed:.1f} mm"

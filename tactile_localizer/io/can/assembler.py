@@ -53,7 +53,8 @@ class PhalanxCounts:
     ----------
     samples : complete samples
     missing : cycles without voltages of this phalanx
-    drops : frames sent that are in no cycle, according to the counter
+    drops : frames sent that are in no cycle, according to the counter; those before it is known where cycles
+        begin are not lost
     jumps : frames whose counter neither continues nor shows losses: a restart, or two senders with the same
         identifiers
     saturated, faults : samples with that status
@@ -276,7 +277,7 @@ class CycleAssembler:
         stream.sequence += samples
         stream.cell.counts.last_ns = stamp_ns
         if self._cut.take_into_previous(stream.pace, stamp_ns):
-            stream.cell.counts.drops += counter is not None
+            stream.cell.counts.drops += self._cut.is_known and counter is not None
             return FrameKind.OUT_OF_ORDER
         self._place(stream, frame, stamp_ns, value, samples)
         return FrameKind.DATA
@@ -310,7 +311,7 @@ class CycleAssembler:
             self._close()
             self._first_ns = stamp_ns
         if not self._cut.is_aligned:
-            stream.cell.counts.drops += self._cut.is_moving and stream.counter is not None
+            stream.cell.counts.drops += self._cut.is_known and stream.counter is not None
             return
         if self._moves < self._cut.moves:
             self._moves = self._cut.moves

@@ -99,14 +99,16 @@ class CycleCut:
     moves : number of times that another message became the first of the cycles
     is_aligned : whether frames are in cycles: the first of one was received since the start, or since the cut
         moved
-    is_moving : whether they are not because it moves; frames before the first cycle are not lost
+    is_known : whether cycles begin where they should: some in a row have had no larger gap since the start,
+        or since a pause. Before, a frame that is in no cycle is not lost
     """
 
     def __init__(self, messages: int, period_ns: int) -> None:
         self.paces = [Pace() for _ in range(messages)]
         self.period_ns, self._is_estimated = period_ns, not period_ns
         self.last_ns = self.number = self.moves = 0
-        self.is_aligned = self.is_moving = False
+        self.is_aligned = self.is_known = False
+        self._confirmed = 0  # cycles in a row without a larger gap
         self._first: Pace | None = None  # message with which cycles begin; None: unknown
         self._behind = self.paces[0]  # message behind the largest gap within the newest cycle
         self._searched: set[Pace] = set()  # messages received since the first one is waited for
@@ -119,8 +121,8 @@ class CycleCut:
 
     def restart(self, first: Pace | None = None) -> None:
         """Wait for the first frame of a cycle: of message ``first``, by default the one until now."""
-        self.is_moving = first is not None and (self.is_aligned or self.is_moving)
-        self.is_aligned, self._gap_ns = False, 0
+        self.is_known = first is not None and self.is_known
+        self.is_aligned, self._gap_ns, self._confirmed = False, 0, 0
         self._searched.clear()
         if first is not None:
             self._first, self.moves = first, self.moves + 1
@@ -142,7 +144,11 @@ class CycleCut:
             gap_ns = PAUSE_NS
         pace.gaps_ns.append(gap_ns)
         begins = self.is_aligned and (is_due or self._is_next(pace, stamp_ns, samples))
-        if begins and self._is_misplaced():
+        has_larger = begins and self._gap_ns > _LARGER * self._gaps_ns[-1]
+        if begins:
+            self._confirmed = 0 if has_larger else self._confirmed + 1
+            self.is_known |= self._confirmed >= _CONFIRMATIONS
+        if has_larger and self._is_misplaced():
             self.restart(self._behind)
         elif not begins and gap_ns > self._gap_ns:
             self._gap_ns, self._behind = gap_ns, pace
@@ -204,12 +210,10 @@ class CycleCut:
         return (samples > 1 or was_passed) and self._is_behind(pace, stamp_ns)
 
     def _is_misplaced(self) -> bool:
-        """Whether cycles should begin elsewhere: the gap before another message has been larger.
+        """Whether cycles should begin elsewhere: the gap before another message has been larger in several.
 
         Cycles that a sender sends at once, after it was put aside, have gaps of no meaning.
         """
-        if self._gap_ns <= _LARGER * self._gaps_ns[-1]:
-            return False
         period_ns = min((pace.period_ns for pace in self.paces if pace.measured >= _EACH), default=0.0)
         are_in_time = 2.0 * max(self._durations_ns) > period_ns
         return are_in_time and min(self._behind.gaps_ns) > _LARGER * max(self._gaps_ns)

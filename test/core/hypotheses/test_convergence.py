@@ -31,7 +31,7 @@ def after(*updates: tuple[float, float, float], travel: float = 0.001) -> Conver
         ([HOLDS], State.SEARCHING, "not converged: held over 1.0 of 2.0 mm"),
         ([HOLDS] * 2, State.CONVERGED, "converged: probability 0.999"),
         ([HOLDS, FAR, HOLDS], State.SEARCHING, "not converged: held over 1.0"),
-        ([HOLDS, HOLDS, (1.0, 0.52, 0.48)], State.CONVERGED, "converged: probability 0.52"),
+        ([HOLDS, HOLDS, (1.0, 0.52, 0.48)], State.CONVERGED, "converged: probability 0.520, kept"),
         ([HOLDS, HOLDS, (1.0, 0.48, 0.52)], State.LOST, "lost: the map explains what is felt"),
         ([HOLDS, HOLDS, FAR, FAR], State.LOST, "lost: the position is within the radius"),
         ([HOLDS, HOLDS, FAR, HOLDS], State.SEARCHING, "not converged: held over 1.0"),

@@ -55,6 +55,14 @@ def delayed(frame: can.Message, delay_ns: int) -> can.Message:
     return late
 
 
+def stamp_ns_of(frame: can.Message) -> int:
+    return round(frame.timestamp * 1e9)
+
+
+def sent_at(frame: can.Message, stamp_ns: int) -> can.Message:
+    return delayed(frame, stamp_ns - stamp_ns_of(frame))
+
+
 def in_order(frames: list[can.Message]) -> list[can.Message]:
     return sorted(frames, key=lambda frame: frame.timestamp)
 
@@ -202,6 +210,29 @@ def test_a_reception_that_begins_within_a_cycle_mixes_no_samples(period_s: float
     made = samples(assembled(FRAMES[missed:80], assembler))
     assert made == [[n, n] for n in range(1 + (missed > 0), 20)]
     assert [one.drops for one in assembler.counts.phalanges] == [0, 0]
+
+
+@given(
+    missed=st.integers(0, 3),
+    gaps_us=st.lists(st.integers(10, 5000), min_size=0, max_size=32),
+    stall=st.tuples(st.integers(0, 15), st.integers(1, 20)),
+)
+def test_what_is_received_before_the_begin_of_the_cycles_is_known_is_not_lost(
+    missed: int, gaps_us: list[int], stall: tuple[int, int]
+) -> None:
+    """Of a sender that is put aside within its first cycles, or sends them at once."""
+    early_ns = START_NS + 1000 * np.cumsum([*gaps_us, 0])
+    frames = [sent_at(one, int(t)) for one, t in zip(FRAMES[missed:], early_ns[:-1], strict=False)]
+    after, delay_ns = missed + len(frames), stall[1] * PERIOD_NS // 2
+    shift_ns = int(early_ns[-1]) - stamp_ns_of(FRAMES[after]) + PERIOD_NS
+    frames += [delayed(one, shift_ns + delay_ns * (k >= stall[0])) for k, one in enumerate(FRAMES[after:240])]
+    assembler = CycleAssembler(HAND)
+    made = samples(assembled(frames, assembler)[-30:])
+    assert [one.drops for one in assembler.counts.phalanges] == [0, 0]
+    assert made == [[n, n] for n in range(30, 60)], "whole, and those that follow"
+    del frames[-21]
+    assembled(frames, assembler := CycleAssembler(HAND))
+    assert sum(one.drops for one in assembler.counts.phalanges) == 1, "one that is lost afterwards"
 
 
 @pytest.mark.parametrize("missed", range(4))

@@ -42,9 +42,12 @@ def test_calibrating_blocks_no_service_and_reports_progress(node_process, probe,
     probe.until(lambda: state_of(probe, "tactile_filter") == "configuring", "the calibration")
     assert not probe.change("tactile_filter", "configure"), "one transition at a time"
     probe.until(answer.done, "the end of the calibration", 180.0)
-    assert "examining the scan by held-out sweeps: 20%" in process.output
+    assert "examining the scan by held-out sweeps: 18%" in process.output
     assert answer.result().success
     probe.until(lambda: any("ready: 100%" in array.status[0].message for array in reports), "100 %")
+    values = [value for array in reports for status in array.status for value in status.values]
+    fractions = [float(value.value) for value in values if value.key == "fraction"]
+    assert fractions == sorted(fractions), "one bar"
     assert reports[0].status[0].name == "tactile_filter: map"
     assert process.stop() == 0
 
