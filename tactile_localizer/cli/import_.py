@@ -90,7 +90,8 @@ def _add_can_arguments(parser: argparse.ArgumentParser) -> None:
     )
     text = "parameters of the driver node, if messages or signals do not have the default names"
     add("--params-file", type=InputPath, metavar="YAML", help=text)
-    add("--channel", default="", metavar="NAME", help="channel in a log of several, such as can0")
+    text = "channel in a log of several, as the file names or numbers it: can0, 1"
+    add("--channel", default="", metavar="NAME", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -189,8 +190,8 @@ def _log_reader(args: argparse.Namespace, scene: Scene) -> Callable[[Path], Tabl
 
     def table(path: Path) -> Table:
         with progress_line() as progress:
-            stamp_ns, strain, notes = read_log(path, protocol, args.channel, progress)
-        return Table(stamp_ns, np.empty((len(strain), 0)), strain, {}, 0, notes)
+            stamp_ns, strain, lost, notes = read_log(path, protocol, args.channel, progress)
+        return Table(stamp_ns, np.empty((len(strain), 0)), strain, {}, lost, notes)
 
     return table
 

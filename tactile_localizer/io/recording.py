@@ -6,7 +6,7 @@ Import, replay and evaluation work on a :class:`Recording` and do not depend on 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from tactile_localizer.scene import LARGEST_STRAIN, Axis, Scene
 from tactile_localizer.streams.palm_motion import describe_motion
 from tactile_localizer.streams.runs import LATE, runs_of
 from tactile_localizer.streams.sweep_detector import SweepDetector
-from tactile_localizer.streams.synchronization import describe_gaps
+from tactile_localizer.streams.synchronization import clock_difference_s, describe_gaps
 
 NO_CONTACT = (-1, -1)
 NO_SWEEP = -1
@@ -223,7 +223,7 @@ def pose_notes(
     pose_ns: np.ndarray,
     position: np.ndarray,
     max_gap_s: float,
-    shift: str = "",
+    shift: Callable[[float], str] = lambda ahead_s: "",
 ) -> Iterator[str]:
     """Findings about poses that strain is paired with: another clock, slow ones, an implausible motion.
 
@@ -234,12 +234,13 @@ def pose_notes(
     stamp_ns : (n,) stamps of the strain, ns
     pose_ns, position : (m,) and (m, d) stamps of the poses, ns, and palm positions, m (yaw: rad)
     max_gap_s : longest time between two poses across which is interpolated, s
-    shift : advice where the clocks differ
+    shift : advice where the poses are ahead by a time, s, by another clock
     """
     if not len(pose_ns):
         return
     if gaps := describe_gaps(stamp_ns, pose_ns, max_gap_s):
-        yield f"{what}: {gaps}" + shift * ("another clock" in gaps)
+        ahead_s = clock_difference_s(stamp_ns, pose_ns)
+        yield f"{what}: {gaps}" + (shift(ahead_s) if ahead_s else "")
     run = runs_of(pose_ns)
     motions = (
         describe_motion(axes, pose_ns[run == number], position[run == number], moves=False)
@@ -299,6 +300,6 @@ def is_scan(path: Path) -> bool:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a bag: a folder that is not a scan, or a file with an extension of bags."""
+    """Whether a path is a bag: a folder that is not a scan, or a file with an extension of any bags."""
     is_folder = os.path.isdir(path)  # noqa: PTH112  false where the name is too long, too
-    return path.name.endswith(BAG_EXTENSIONS) or (is_folder and not is_scan(path))
+    return path.name.endswith((*BAG_EXTENSIONS, ".bag")) or (is_folder and not is_scan(path))

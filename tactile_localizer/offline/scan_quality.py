@@ -11,6 +11,7 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import listed
 from tactile_localizer.io.recording import ENDED, RecordedSweep
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.alternation import alternates
 from tactile_localizer.streams.coverage import Coverage
 from tactile_localizer.streams.palm_motion import describe_motion
 
@@ -20,8 +21,6 @@ _COVERED = 0.5
 """Coverage of the bounds below which it is reported: a margin around the scan is no defect."""
 _ANOTHER_UNIT = 0.01
 """Coverage below which the bounds seem to be in another unit; a single line covers more."""
-_ALTERNATING = 3.0
-"""Median step from a sample to the next, by that to the one after, from which strain alternates."""
 _DEAD = 0.01
 """Range of a dead channel, as a fraction of the median channel's."""
 
@@ -43,7 +42,7 @@ def findings(scan: Scan, scene: Scene, sweeps: Sequence[RecordedSweep]) -> list[
         number, motion = implausible[0]
         others = f", and {len(implausible) - 1} of {len(sweeps) - 1} others are implausible"
         found.append(f"{motion} (sweep {number}{others * (len(implausible) > 1)})")
-    if mixed := [str(each.number) for each in sweeps if _alternates(each.strain)]:
+    if mixed := [str(each.number) for each in sweeps if alternates(each.strain)]:
         found.append(f"strain that alternates from sample to sample, of two sources: sweep {listed(mixed)}")
     if len(scan.sweep_numbers) == 1:
         found.append("only one sweep: the noise between sweeps cannot be estimated")
@@ -58,11 +57,3 @@ def findings(scan: Scan, scene: Scene, sweeps: Sequence[RecordedSweep]) -> list[
         names = listed(f"{scan.phalanges[phalanx]} {channel}" for phalanx, channel in places)
         found.append(f"channels that seem dead, of nearly constant strain: {names}")
     return found
-
-
-def _alternates(strain: np.ndarray) -> bool:
-    """Whether every other row of (n, C) is nearer than the next one, as where two sources are mixed."""
-    if len(strain) < _MIN_PAIRS:
-        return False
-    one, two = (np.median(np.linalg.norm(strain[lag:] - strain[:-lag], axis=1)) for lag in (1, 2))
-    return bool(one > _ALTERNATING * two)

@@ -144,6 +144,39 @@ def pair_recorded(
     return positions, found, sweep
 
 
+_ZONE_S, _IN_ZONES_S, _MOST_ZONES_S = 900.0, 1.0, 26 * 3600.0
+"""Time zones differ by multiples of a quarter of an hour, s; difference from one that is none of a zone, s
+(judgement); largest difference of two zones, s."""
+_QUANTILES = np.linspace(0.0, 1.0, 101)
+
+
+def clock_difference_s(stamp_ns: np.ndarray, pose_ns: np.ndarray) -> float:
+    """Time by which the clock of the poses is ahead of that of the strain, s; 0.0 where they may be the same.
+
+    They differ where poses and strain do not overlap, or both begin and end one difference of time zones
+    apart. The difference of two zones is exact; another is the median one of equal fractions of both.
+
+    Parameters
+    ----------
+    stamp_ns, pose_ns : (n,) and (m,) stamps of the strain and of the poses, ns, at least one of each
+    """
+    begin_ns, end_ns = (stamp_ns.min(), stamp_ns.max())
+    ahead_s = (
+        np.quantile(pose_ns - begin_ns, _QUANTILES) - np.quantile(stamp_ns - begin_ns, _QUANTILES)
+    ) * 1e-9
+    zone_s = _ZONE_S * round(float(np.median(ahead_s)) / _ZONE_S)
+    is_zone = 0.0 < abs(zone_s) <= _MOST_ZONES_S and bool((abs(ahead_s - zone_s) <= _IN_ZONES_S).all())
+    if is_zone:
+        return zone_s
+    overlaps = pose_ns.max() >= begin_ns and pose_ns.min() <= end_ns
+    return 0.0 if overlaps else round(float(np.median(ahead_s)), 3)
+
+
+def is_of_zones(difference_s: float) -> bool:
+    """Whether a difference of two clocks, s, is that of two time zones."""
+    return difference_s != 0.0 and not difference_s % _ZONE_S and abs(difference_s) <= _MOST_ZONES_S
+
+
 def describe_gaps(stamp_ns: np.ndarray, pose_ns: np.ndarray, max_gap_s: float) -> str:
     """Why strain vectors have no pose close enough in time, in one line: another clock, few or slow poses.
 
@@ -155,10 +188,9 @@ def describe_gaps(stamp_ns: np.ndarray, pose_ns: np.ndarray, max_gap_s: float) -
     (begin, end), (first, last) = ((each.min(), each.max()) for each in (stamp_ns, pose_ns))
     seconds = (each / NANOSECONDS for each in (begin, end, first, last))
     ranges = "strain from {:.3f} to {:.3f} s, poses from {:.3f} to {:.3f} s".format(*seconds)
-    if last < begin or first > end:
-        ahead_s = round((first - begin) / NANOSECONDS, 3)
-        way = "ahead of" if ahead_s > 0 else "behind"
-        return f"the poses are {abs(ahead_s):.15g} s {way} the strain, another clock? {ranges}"
+    if ahead_s := clock_difference_s(stamp_ns, pose_ns):
+        way, what = "ahead of" if ahead_s > 0 else "behind", "time zone" if is_of_zones(ahead_s) else "clock"
+        return f"the poses are {abs(ahead_s):.15g} s {way} the strain, another {what}? {ranges}"
     if 2 * np.count_nonzero((stamp_ns < first) | (stamp_ns > last)) > len(stamp_ns):
         return f"most of the strain is before or after all poses: {ranges}"
     apart_s = float(np.median(np.abs(np.diff(pose_ns)))) / NANOSECONDS if len(pose_ns) > 1 else 0.0

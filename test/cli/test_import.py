@@ -3,6 +3,7 @@
 import csv
 import math
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -106,6 +107,41 @@ def test_a_can_log_is_imported_with_poses_of_a_file(folder, run):
     np.testing.assert_allclose(sweep.strain, noise[-len(sweep) :], atol=0.0002)
     np.testing.assert_allclose(sweep.position[:, 0], 1e-4 * np.arange(500)[-len(sweep) :], atol=1e-6)
     assert ScanFolder("a_scan").history()[0]["what"] == "import can"
+
+
+@pytest.mark.parametrize(
+    ("zone", "hint", "shift"), [("CET-1", "TZ=UTC-1", 3600), ("UTC+3:30", "TZ=UTC+3:30", -12600)]
+)
+def test_a_log_of_another_time_zone_is_named_with_the_remedy(folder, run, monkeypatch, zone, hint, shift):
+    for number in range(2):
+        monkeypatch.setenv("TZ", (zone, "UTC")[number])
+        time.tzset()
+        if not number:
+            write_can_log(folder / "sweep.asc", "loadcells.dbc")
+    arguments = "can sweep.asc --dbc loadcells.dbc --poses poses.csv --scene line.yaml -o a_scan"
+    status, _, refusal = run(arguments)
+    assert status == 2
+    way = "behind" if shift > 0 else "ahead of"
+    assert f"the poses are {abs(shift)} s {way} the strain, another time zone?" in refusal
+    assert f"{hint} reads it as such; --column pose_stamp_s=stamp_s{shift:+} shifts the poses" in refusal
+    status, printed, _ = run(f"{arguments} --column pose_stamp_s=stamp_s{shift:+}")
+    assert status == 0, printed
+    assert ScanFolder("a_scan").recording().sweeps[0].position[-1, 0] == pytest.approx(0.0499)
+    monkeypatch.undo()
+    time.tzset()
+
+
+def test_a_log_that_is_mostly_unreadable_is_imported_by_force_only(folder, run):
+    write_can_log(folder / "sweep.log", "loadcells.dbc")
+    foreign = "(1764000000.000000) can0 00000123#80:00:00000000#11\n"
+    whole = (folder / "sweep.log").read_text()
+    (folder / "sweep.log").write_text(whole + foreign * (whole.count("\n") + 10))
+    arguments = "can sweep.log --dbc loadcells.dbc --poses poses.csv --scene line.yaml -o a_scan"
+    status, _, refusal = run(arguments)
+    assert status == 2
+    assert "expected at least half of" in refusal
+    assert "left out" in refusal
+    assert run(f"{arguments} --force")[0] == 0
 
 
 def test_a_can_log_is_read_with_the_parameters_of_the_driver(folder, run):
@@ -242,7 +278,7 @@ def test_poses_that_do_not_fit_are_refused_with_the_remedy(folder, run):
     for reason, proposed, remedy in (
         (
             "strain from 0.000 to 4.950 s, poses from 1000000.000 to 1000005.000 s",
-            "--column pose_stamp_s=t_ms-SECONDS shifts the poses",
+            "--column pose_stamp_s=t_ms*0.001-1000000.025 shifts the poses",
             "--column pose_stamp_s=t_ms*0.001-1e6",
         ),
         ("the poses are 0.2 s apart", "--max-gap 0.3", "--max-gap 0.3"),

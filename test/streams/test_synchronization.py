@@ -12,6 +12,7 @@ from tactile_localizer.scene import Axis
 from tactile_localizer.streams.runs import LATE, runs_of
 from tactile_localizer.streams.synchronization import (
     Pairing,
+    clock_difference_s,
     describe_gaps,
     interpolate_poses,
     near_bounds,
@@ -221,12 +222,31 @@ def gaps(strain_s, pose_s):
 
 
 def test_another_clock_is_named_with_both_ranges():
-    assert gaps([5.0, 6.5], [1005.0, 1006.0]) == (
+    assert gaps([5.0, 6.5], [1005.0, 1006.5]) == (
         "the poses are 1000 s ahead of the strain, another clock? strain from 5.000 to 6.500 s, "
-        "poses from 1005.000 to 1006.000 s"
+        "poses from 1005.000 to 1006.500 s"
     )
-    assert gaps([7.0, 8.0], [3.9]).startswith("the poses are 3.1 s behind the strain")
+    assert gaps([7.0, 8.0], [3.9]).startswith("the poses are 3.6 s behind the strain")
     assert gaps([7.0, 8.0], [6.95, 7.0]) == ""
+
+
+@pytest.mark.parametrize("hours", [1.0, -1.0, 5.75, -9.5])
+@pytest.mark.parametrize("length_s", [12.0, 12_000.0])
+def test_the_difference_of_two_time_zones_is_exact(hours, length_s):
+    strain_s = np.arange(0.02, length_s, 0.02)
+    pose_s = np.arange(-0.3, length_s, 0.04) + 3600 * hours
+    way = "ahead of" if hours > 0 else "behind"
+    expected = f"the poses are {abs(3600 * hours):g} s {way} the strain, another time zone?"
+    assert gaps(strain_s, pose_s).startswith(expected)
+
+
+def test_another_difference_of_clocks_does_not_depend_on_a_late_begin():
+    strain_s, pose_s = np.arange(0.0, 12.0, 0.02), np.arange(0.0, 12.0, 0.04) + 1234.5
+    stamps = [np.rint(1e9 * each).astype(int) for each in (np.delete(strain_s, range(1, 50)), pose_s)]
+    assert clock_difference_s(*stamps) == pytest.approx(1234.5, abs=0.5)
+    assert (
+        clock_difference_s(*[np.rint(1e9 * each).astype(int) for each in (strain_s, strain_s + 3.0)]) == 0.0
+    )
 
 
 def test_slow_poses_are_named_with_the_option():

@@ -175,11 +175,17 @@ def _decoder(path: Path, topic: Topic, definitions: str | Path | None) -> Callab
 
 def _types_in(topic: Topic) -> dict[str, Any]:
     """Types that the definition of a topic's messages has."""
+    definition = _with_plain_ends(topic.definition)
     if topic.language == "ros2msg":
-        return get_types_from_msg(topic.definition, topic.kind)
-    texts = topic.definition.split(_IDL)
+        return get_types_from_msg(definition, topic.kind)
+    texts = definition.split(_IDL)
     parts = [text.partition("\n")[2] for text in texts[1:]] or texts
     return {name: each for text in parts for name, each in get_types_from_idl(text).items()}
+
+
+def _with_plain_ends(definition: str) -> str:
+    """A definition whose lines end as rosbags reads them, and begin without the mark of a Windows editor."""
+    return definition.removeprefix("\ufeff").replace("\r\n", "\n")
 
 
 def _types_below(folder: str | Path | None, kind: str) -> dict[str, Any]:
@@ -197,7 +203,8 @@ def _types_below(folder: str | Path | None, kind: str) -> dict[str, Any]:
         package = path.parent.parent.name if path.parent.name == "msg" else kind.partition("/")[0]
         expected = f"{path}: expected a message definition"
         with refusing(expected, ScanError, Exception), open_file(path) as file:
-            types |= get_types_from_msg(file.read().decode(), f"{package}/msg/{path.stem}")
+            text = _with_plain_ends(file.read().decode(errors="replace"))  # not UTF-8: in comments
+            types |= get_types_from_msg(text, f"{package}/msg/{path.stem}")
     if not types:
         raise ScanError(f"{folder}: expected a folder of .msg files, found none")
     return types

@@ -5,6 +5,9 @@ microseconds, and many wrap before their bits do. How far a counter usually adva
 wraps.
 """
 
+TWO_SENDERS = "two load cells with its identifiers"
+"""Most likely reason why a counter does not count."""
+
 MAX_LATE = 2
 """Most samples by which a frame is taken as late; further behind, the counter jumped."""
 
@@ -127,7 +130,7 @@ class RollingCounter:
         if multiples < 0.75 * len(found):
             self.step = 0
             self.problem = (
-                f"advances by {found[0]} to {found[-1]} (two load cells with its identifiers, or no count)"
+                f"advances by {found[0]} to {found[-1]} ({TWO_SENDERS}, or no count)"
                 if any(found)
                 else f"is always {self.newest}"
             )

@@ -7,7 +7,9 @@ their own, with stamps of their own. Invalid rows are skipped, counted and repor
 """
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from decimal import Decimal
 from functools import partial
 from itertools import cycle
 from pathlib import Path
@@ -27,14 +29,17 @@ from tactile_localizer.io.recording import (
 )
 from tactile_localizer.io.status import missing_status
 from tactile_localizer.scene import Scene
-from tactile_localizer.streams.runs import LATE, runs_of
+from tactile_localizer.streams.runs import LATE, NANOSECONDS, runs_of
 from tactile_localizer.streams.sweep_detector import SweepDetector
 from tactile_localizer.streams.synchronization import (
     DEFAULT_MAX_GAP_S,
+    is_of_zones,
     near_bounds,
     pair_recorded,
 )
 
+LOCAL_TIME = (".asc", ".mf4")
+"""Formats of CAN logs with local time, which python-can reads as of the zone of this machine."""
 _PERIOD_S = 5e-5, 0.5
 """Shortest and longest plausible time between samples of a tactile sensor, s (judgement)."""
 
@@ -109,7 +114,7 @@ def _read_file(
         poses = read_table(pose_path, scene, naming, stamp, axes, {})
         notes += [*poses.notes, *_yaw_notes(pose_path, naming, axes, poses)]
         notes += stamp_notes(runs_of(poses.stamp_ns), f"rows of {pose_path}")
-        shift = f"; --column pose_stamp_s={naming.of(stamp).names[0]}-SECONDS shifts the poses"
+        shift = partial(_shift_advice, naming.of(stamp), path if strain else None, int(table.stamp_ns[0]))
         notes += pose_notes(str(pose_path), scene.axes, table.stamp_ns, *poses[:2], max_gap_s, shift)
         pair = partial(pair_recorded, scene.axes, table.stamp_ns, poses.stamp_ns, max_gap_s=max_gap_s)
         position, found, run = pair(poses.position)
@@ -137,6 +142,23 @@ def _of_rows(
     position[:, timed] -= np.repeat(position[begun][:, timed], np.diff([*begun, len(label)]), axis=0)
     run = np.concatenate([runs_of(part) for part in np.split(table.stamp_ns, begun[1:])])
     return near_bounds(scene.axes, position), run != LATE, run, _truth(scene, table)
+
+
+def _shift_advice(stamp: Columns, log: Path | None, stamp_ns: int, ahead_s: float) -> str:
+    """How to shift poses whose clock is ahead by a time, s, and the time zone of a log with local time."""
+    terms = "+".join(
+        name if factor == 1 else f"{name}*{factor}"
+        for name, factor in zip(stamp.names, stamp.factors, strict=True)
+    )
+    offset = stamp.offset - Decimal(f"{ahead_s:.15g}")
+    advice = f"; --column pose_stamp_s={terms}{offset.normalize():+f} shifts the poses" if offset else ""
+    if log is None or log.suffix.lower() not in LOCAL_TIME or not is_of_zones(ahead_s):
+        return advice
+    # The log was read as of the zone of this machine. POSIX counts zones towards the west.
+    west = round(ahead_s) - time.localtime(stamp_ns // NANOSECONDS).tm_gmtoff
+    hours, minutes = divmod(abs(west) // 60, 60)
+    zone = f"UTC{'-' if west < 0 else '+'}{hours}" + f":{minutes:02}" * bool(minutes)
+    return f"; {log.suffix} has the local time of where it was written: TZ={zone} reads it as such{advice}"
 
 
 def _period_s(stamp_ns: np.ndarray) -> float:

@@ -11,14 +11,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from tactile_localizer.io.can.clock import SMALLEST_JUMP_S
 from tactile_localizer.io.can.driver import OPEN, LoadCellDriver
 from tactile_localizer.io.can.error_frames import BUS_OFF, ERROR_ACTIVE, ERROR_PASSIVE
+from tactile_localizer.io.can.findings import describe_counter, describe_discarded
 from tactile_localizer.io.can.protocol import FrameKind
 from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
-
-_MIN_JUMPS = 10
-_JUMPS_FRACTION = 0.2
-"""Fraction of samples before which the counter jumps, since the last status, that is reported."""
-
-_SUSPECT = (FrameKind.WRONG_LENGTH, FrameKind.OUT_OF_ORDER, FrameKind.DUPLICATE)
 
 
 class DriverDiagnostics:
@@ -117,7 +112,7 @@ class DriverDiagnostics:
             return DiagnosticStatus.ERROR, f"expected one publisher of strain, found {publishers}"
         if status.controller in (BUS_OFF, ERROR_PASSIVE):
             return DiagnosticStatus.ERROR, f"{status.controller}: wrong bit rate, wiring or termination"
-        discarded = ", ".join(f"{new[kind]} {kind.name.lower()}" for kind in _SUSPECT if new[kind])
+        discarded = describe_discarded({kind: new[kind] for kind in FrameKind})
         errors = ", ".join(f"{new[kind]} {kind}" for kind in dict(status.errors) if new.get(kind))
         foreign = 0 if new[FrameKind.DATA] else status.foreign + new[FrameKind.UNKNOWN_ID]
         place = f"on {self._driver.bus.channel}"
@@ -126,7 +121,7 @@ class DriverDiagnostics:
             f"{new['drops']} frames dropped, receive queue full": new["drops"],
             f"read {late_s:.1f} s late: {new[FrameKind.LATE]} frames discarded": late_s
             > self._driver.max_age_s,
-            f"discarded frames: {discarded}".replace("_", " ") + named: discarded,
+            discarded + named: discarded,
             f"bus errors: {errors}": errors,
             status.controller: status.controller != ERROR_ACTIVE,
             f"idle: {foreign} frames {place}, none with an identifier of the DBC{stray}{named}": foreign,
@@ -180,17 +175,14 @@ class DriverDiagnostics:
         if new["faults"]:
             return DiagnosticStatus.ERROR, f"fault reported by the load cell: {suspect}"
         received = new["samples"] + new["missing"]
-        counter, cycles_per_sample = counts["counter"], counts["cycles_per_sample"]
+        counter = describe_counter(counts["counter"], new["jumps"], received)
+        cycles_per_sample = counts["cycles_per_sample"]
         is_slow = cycles_per_sample > 1.0
         # Samples, if none is missing; as long as its rate is not known, a load cell may be slow.
         expected = math.floor(received / (cycles_per_sample or math.inf)) - is_slow
-        jumps = new["jumps"]
         warnings = {
             f"saturated: {suspect}": new["saturated"],
-            f"the counter {counter}: losses are not counted; set counter_signal to ''": counter,
-            f"the counter jumped {jumps} times: two load cells with its identifiers": jumps
-            > max(_MIN_JUMPS, _JUMPS_FRACTION * received),
-            "the counter restarted: the load cell restarted, or another one has its identifiers": jumps,
+            counter: counter,
             f"{new['drops']} frames lost": new["drops"],
             f"missing in {new['missing']} of {received} cycles": new["samples"] < expected,
         }

@@ -19,6 +19,7 @@ from tactile_localizer.io.bags.reader import typestore
 from tactile_localizer.io.bags.recording import read_bag
 from tactile_localizer.io.recording import is_bag
 from tactile_localizer.io.strain_adapter import adapter_from_dict
+from tactile_localizer.library import read_recording
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 STRAIN_MS = np.arange(20, 1001, 5)
@@ -160,7 +161,7 @@ def test_a_killed_recorder_leaves_an_mcap_file_whose_whole_chunks_are_read(tmp_p
 def test_a_bag_of_ros_1_is_named_with_what_converts_it(tmp_path):
     (tmp_path / "old.bag").write_bytes(b"#ROSBAG V2.0")
     with pytest.raises(ScanError, match=r"old.bag: expected a bag .*, found one of ROS 1 \(rosbags-convert"):
-        read_bag(tmp_path / "old.bag", SCENE)
+        read_recording(tmp_path / "old.bag", SCENE)
 
 
 def test_files_that_the_metadata_name_are_all_there(tmp_path):
@@ -268,6 +269,17 @@ def test_a_field_of_each_message_of_an_array_is_a_channel(tmp_path):
     assert_pads(read_bag(own_bag(tmp_path / "bag", True), PADS, adapter=adapter_from_dict(ADAPTER)))
 
 
+def test_a_definition_in_a_bag_may_have_the_line_ends_of_windows(tmp_path):
+    bag = own_bag(tmp_path / "bag", True)
+    with closing(sqlite3.connect(file_of(bag))) as database:
+        update = (
+            "UPDATE message_definitions SET encoded_message_definition = replace({0}, char(10), char(13, 10))"
+        )
+        database.execute(update.format("encoded_message_definition"))
+        database.commit()
+    assert_pads(read_bag(bag, PADS, adapter=adapter_from_dict(ADAPTER)))
+
+
 @pytest.mark.parametrize("folder", ["skin_msgs/msg", "."])
 def test_definitions_that_a_bag_lacks_are_read_from_a_folder(tmp_path, folder):
     bag, adapter = own_bag(tmp_path / "bag", False), adapter_from_dict(ADAPTER)
@@ -284,6 +296,11 @@ def test_definitions_that_a_bag_lacks_are_read_from_a_folder(tmp_path, folder):
     with pytest.raises(ScanError, match=r"expected a definition of skin_msgs/msg/Pad in the bag, found none"):
         read_bag(bag, PADS, adapter=adapter, definitions=tmp_path / "ws")
     (files / "Pad.msg").write_text(PAD)
+    assert_pads(read_bag(bag, PADS, adapter=adapter, definitions=tmp_path / "ws"))
+    for text in (PAD, "\ufeff# Windows\n" + PAD):
+        (files / "Pad.msg").write_bytes(text.replace("\n", "\r\n").encode())
+        assert_pads(read_bag(bag, PADS, adapter=adapter, definitions=tmp_path / "ws"))
+    (files / "Pad.msg").write_bytes(b"# \xb5N\n" + PAD.encode())
     assert_pads(read_bag(bag, PADS, adapter=adapter, definitions=tmp_path / "ws"))
     (files / "Pad.msg").write_text("float32 [fx\n")
     with pytest.raises(ScanError, match=r"Pad\.msg: expected a message definition"):

@@ -5,10 +5,11 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
-from support.load_cells import PERIOD_NS, START_NS, cycle, number_of, protocol
+from support.load_cells import PERIOD_NS, START_NS, cycle, number_of, protocol, strain_of
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.can.log import read_log
+from tactile_localizer.io.can.protocol import protocol_of
 
 HAND = protocol()
 SUFFIXES = ("log", "asc", "blf", "trc")
@@ -34,7 +35,9 @@ def frames_of(numbers: range) -> list[can.Message]:
 def test_each_cycle_of_a_log_is_a_strain_vector_with_its_stamp(tmp_path: Path, suffix: str) -> None:
     path = recorded(tmp_path / f"sweep.{suffix}", frames_of(range(2500)))
     shown: list[float] = []
-    stamp_ns, strain, notes = read_log(path, HAND, progress=lambda text, fraction: shown.append(fraction))
+    stamp_ns, strain, lost, notes = read_log(
+        path, HAND, progress=lambda text, fraction: shown.append(fraction)
+    )
     numbers = [number_of(0, vector[:8]) for vector in strain]
     assert numbers == [number_of(1, vector[8:]) for vector in strain]
     assert np.ptp(np.diff(numbers) % 1000) == 0
@@ -42,6 +45,7 @@ def test_each_cycle_of_a_log_is_a_strain_vector_with_its_stamp(tmp_path: Path, s
     expected_ns = START_NS + np.arange(2500 - len(strain), 2500) * PERIOD_NS
     np.testing.assert_allclose(stamp_ns - expected_ns, 0, atol=1_000_000)
     assert not notes
+    assert not lost
     assert shown == sorted(shown)
     assert 0 < shown[0] <= shown[-1] <= 1
 
@@ -52,20 +56,134 @@ def test_what_is_no_strain_is_missing_and_losses_are_noted(tmp_path: Path) -> No
     error = can.Message(timestamp=START_NS * 1e-9, is_error_frame=True)
     faulty = HAND.encode(1, np.zeros(8), 100, status=2, stamp_s=1e-9 * (START_NS + 100 * PERIOD_NS))
     path = recorded(tmp_path / "sweep.log", [error, *frames, *cycle(HAND, 100)[:2], *faulty], "can0")
-    _, strain, notes = read_log(path, HAND)
+    _, strain, _, notes = read_log(path, HAND)
     assert np.isnan(strain).sum() == 16
     assert np.isnan(strain[-1, 8:]).all()
     assert notes == [f"{path}: 1 frames of index lost"]
 
 
-def test_a_damaged_log_is_read_up_to_there(tmp_path: Path) -> None:
-    path = recorded(tmp_path / "sweep.log", frames_of(range(1001)), "can0")
-    whole = path.read_text()
-    for damage in ("(1700000005.0", "(1700000005.0\n" + whole):
-        path.write_text(whole + damage)
-        _, strain, (note,) = read_log(path, HAND)
-        assert len(strain) >= 999
-        assert f"{path}: expected a log that python-can reads" in note
+CAN_XL = "(1700000005.000000) can0 00000123#80:00:00000000#1122334455\n"
+NO_HEX = "(1700000005.000000) can0 102#0z\n"
+
+
+@pytest.mark.parametrize("line", [CAN_XL, NO_HEX, "(1700000005.0\n", "\xff\x00 no text\n"])
+def test_a_foreign_line_is_left_out_and_counted(tmp_path: Path, line: str) -> None:
+    path = recorded(tmp_path / "sweep.log", frames_of(range(100)), "can0")
+    whole, lines = read_log(path, HAND).strain, path.read_text().splitlines(keepends=True)
+    path.write_bytes("".join([*lines[:200], line, *lines[200:]]).encode("latin-1"))
+    read = read_log(path, HAND)
+    np.testing.assert_array_equal(read.strain, whole)
+    assert f"{path}: expected a log that python-can reads" in read.notes[0]
+    assert "left out 1 of 401 lines (first: line 201" in read.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "number", "other"),
+    [("asc", " 102 ", " 1G2 "), ("trc", "0102", "01G2"), ("csv", "0x102", "0xG02")],
+)
+def test_a_foreign_line_of_any_text_is_left_out(tmp_path: Path, suffix: str, number: str, other: str) -> None:
+    path = recorded(tmp_path / f"sweep.{suffix}", frames_of(range(100)))
+    whole, lines = read_log(path, HAND).strain, path.read_text().splitlines(keepends=True)
+    at = next(row for row, line in enumerate(lines) if row > 200 and number in line)
+    path.write_text("".join([*lines[:at], lines[at].replace(number, other), *lines[at:]]))
+    read = read_log(path, HAND)
+    np.testing.assert_array_equal(read.strain, whole)
+    assert "left out 1 of" in read.notes[0]
+
+
+def test_a_raw_length_code_is_read(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "sweep.log", frames_of(range(100)), "can0")
+    whole = read_log(path, HAND)
+    path.write_text("".join(line.replace(" R\n", "_9 R\n") for line in path.open()))
+    np.testing.assert_array_equal(read_log(path, HAND).strain, whole.strain)
+    assert not whole.notes
+
+
+def test_a_line_without_its_end_is_left_out(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "sweep.log", frames_of(range(100)), "can0")
+    path.write_text(path.read_text().removesuffix(" R\n")[:-1])
+    _, strain, _, notes = read_log(path, HAND)
+    assert np.isnan(strain[-1, 8:]).all()
+    assert "left out 1 of 400 lines (first: line 400" in notes[0]
+
+
+@pytest.mark.parametrize("suffix", ["blf", "log.gz"])
+def test_a_cut_log_says_up_to_where_it_was_read(tmp_path: Path, suffix: str) -> None:
+    path = recorded(tmp_path / f"sweep.{suffix}", frames_of(range(5000)))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) * 3 // 4])
+    _, strain, lost, notes = read_log(path, HAND)
+    assert len(strain) < 4900
+    assert "could be read up to" in notes[0]
+    assert suffix != "blf" or 0.2 < lost / (lost + len(strain)) < 0.3
+
+
+def test_a_cut_database_is_refused(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "sweep.db", frames_of(range(1000)))
+    path.write_bytes(path.read_bytes()[:-8192])
+    with pytest.raises(ScanError, match="expected a log that python-can reads"):
+        read_log(path, HAND)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_the_channel_is_the_one_that_the_file_names(tmp_path: Path, suffix: str) -> None:
+    hands = [frames_of(range(number, number + 100)) for number in (0, 300)]
+    path = tmp_path / f"two.{suffix}"
+    with can.Logger(path) as log:
+        for pair in zip(*hands, strict=True):
+            for channel, frame in enumerate(pair):  # python-can writes them from 1 on
+                frame.channel = f"can{channel + 1}" if suffix == "log" else channel
+                log.on_message_received(frame)
+    names = ("can1", "can2") if suffix == "log" else ("1", "2")
+    first = [number_of(0, read_log(path, HAND, name).strain[-1, :8]) for name in names]
+    assert first == [99, 399]
+    with pytest.raises(ScanError, match=f"expected one channel, found {', '.join(names)}"):
+        read_log(path, HAND)
+    with pytest.raises(ScanError, match=f"expected the channel 7, found {', '.join(names)}"):
+        read_log(path, HAND, "7")
+
+
+@pytest.mark.parametrize("suffix", ["csv", "db"])
+@pytest.mark.parametrize(("lead", "later_s"), [(100, 0.0), (3, 0.0), (1, 0.0), (1, 0.002), (-1, 0.004)])
+def test_two_hands_in_a_format_without_channels_are_refused(
+    tmp_path: Path, suffix: str, lead: int, later_s: float
+) -> None:
+    frames = []
+    for number in range(1, 301):
+        stamp_s = 1e-9 * (START_NS + number * PERIOD_NS) + later_s
+        other = [
+            frame
+            for p in (0, 1)
+            for frame in HAND.encode(p, -strain_of(p, number), number + lead, 0, stamp_s)
+        ]
+        frames += sorted([*cycle(HAND, number), *other], key=lambda frame: frame.timestamp)
+    path = recorded(tmp_path / f"two.{suffix}", frames)
+    with pytest.raises(ScanError, match=r"two load cells with its identifiers.*keeps no channels"):
+        read_log(path, HAND)
+    with pytest.raises(ScanError, match="expected the channel 1, found none, which the format does not keep"):
+        read_log(path, HAND, "1")
+
+
+@pytest.mark.parametrize("later_s", [0.0, 0.002, 0.004])
+def test_two_hands_without_counters_alternate(tmp_path: Path, later_s: float) -> None:
+    hand = protocol_of(("index", "middle"), {"dbc": "loadcells.dbc", "counter_signal": ""})
+    frames = []
+    for number in range(300):
+        one, other = cycle(hand, number), cycle(hand, 2 * number // 3 + 100)
+        for frame, at in zip(other, one, strict=True):
+            frame.timestamp = at.timestamp + later_s
+        frames += sorted([*one, *other], key=lambda frame: frame.timestamp)
+    with pytest.raises(ScanError, match="alternates from sample to sample: two load cells"):
+        read_log(recorded(tmp_path / "two.csv", frames), hand)
+
+
+def test_counters_that_jump_are_reported_as_by_the_driver(tmp_path: Path) -> None:
+    frames = frames_of(range(200))
+    for frame in frames_of(range(300, 400)):
+        frame.timestamp -= 1e-9 * 100 * PERIOD_NS
+        frames[4 * 200 :] = [*frames[4 * 200 :], frame]
+    path = recorded(tmp_path / "sweep.log", frames, "can0")
+    assert any("the counter restarted" in note for note in read_log(path, HAND).notes)
 
 
 @pytest.mark.parametrize(
