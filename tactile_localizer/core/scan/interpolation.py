@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.core.scan.tracks import PITCH, Tracks, evenly
+from tactile_localizer.core.scan.tracks import PITCH, Tracks, evenly, halves
 
 PAIRS = 6
 """Pairs of tracks from which a place is interpolated: the components of its mixture. With two passes over
@@ -154,9 +154,7 @@ def tiles(points: np.ndarray) -> Iterator[np.ndarray]:
         if len(rows) <= _PLACES_AT_ONCE:
             yield rows
             continue
-        along = points[rows, np.ptp(points[rows], axis=0).argmax()]
-        order, half = along.argsort(kind="stable"), len(rows) // 2
-        waiting += [rows[order[half:]], rows[order[:half]]]
+        waiting += halves(points, rows)
 
 
 class _Projections(NamedTuple):
@@ -180,31 +178,17 @@ class _Projections(NamedTuple):
 
 def _project(tracks: Tracks, places: np.ndarray, kept: np.ndarray, every: bool) -> _Projections:
     """Feet of ``places`` (M, d) on the nearest of the tracks ``kept``, or on all of them."""
-    if not every and len(kept) > 2 * _NEAREST:
-        kept = _near(tracks, places, kept)
-    distance, point = tracks.nearest(places, kept)
-    if not every:
-        order = np.argsort(distance, axis=1, kind="stable")[:, :_NEAREST]
-        point = np.take_along_axis(point, order, axis=1)
+    _, point = tracks.nearest(places, kept, None if every else _NEAREST)
     first = tracks.starts[tracks.number[point]]
     last = first + tracks.counts[tracks.number[point]] - 1
-    # (d, M, T), because sums over a short last axis take several times longer.
-    scale, turns = levers(tracks.scene), tracks.turns[:, None, None]
-    joined = np.ascontiguousarray((tracks.positions * scale).T)
-
-    def apart(to: np.ndarray, of: np.ndarray) -> np.ndarray:
-        difference = to - of
-        if turns.any():
-            difference -= turns * np.rint(difference / np.where(turns > 0.0, turns, np.inf))
-        return difference
-
+    joined, apart = tracks.in_metres, tracks.apart
     nodes = joined.take(point, axis=1)
-    away = apart(nodes, (places * scale).T[:, :, None])
+    away = apart(nodes - (places * levers(tracks.scene)).T[:, :, None])
     offset, best = away, _dot(away, away)
     other, ratio = point, np.zeros(point.shape)
     for step in (-1, 1):
         beside = np.clip(point + step, first, last)
-        edge = apart(joined.take(beside, axis=1), nodes)
+        edge = apart(joined.take(beside, axis=1) - nodes)
         length = _dot(edge, edge)
         along = np.clip(-_dot(away, edge) / np.where(length > 0, length, 1.0), 0.0, 1.0)
         left = away + along * edge
@@ -213,16 +197,6 @@ def _project(tracks: Tracks, places: np.ndarray, kept: np.ndarray, every: bool) 
         best, offset = np.where(closer, squared, best), np.where(closer, left, offset)
         other, ratio = np.where(closer, beside, other), np.where(closer, along, ratio)
     return _Projections(offset, np.sqrt(best), np.stack([point, other]), np.stack([1.0 - ratio, ratio]))
-
-
-def _near(tracks: Tracks, places: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """Those of the tracks ``kept`` that can be among the nearest of any of ``places`` (m, d)."""
-    centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
-    away = (places - centre) * levers(tracks.scene)
-    reach = 2.0 * float(np.sqrt(np.square(away).sum(axis=1).max()))
-    distance = tracks.nearest(centre[None], kept)[0][0]
-    limit = np.partition(distance, _NEAREST - 1)[_NEAREST - 1] + reach
-    return kept[distance <= limit * (1.0 + 1e-9)]
 
 
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -34,8 +34,7 @@ def differences_between_lines(tracks: Tracks) -> np.ndarray:
     differences = []
     for index in evenly(len(tracks), _MAX_TRACKS):
         own, others = tracks.slices[index], np.flatnonzero(~_on_line(_distances(tracks, index), index))
-        distance, point = tracks.nearest(tracks.positions[own], others)
-        near = np.take_along_axis(point, distance.argmin(axis=1)[:, None], axis=1)[:, 0]
+        near = tracks.nearest(tracks.positions[own], others, 1)[1][:, 0]
         differences.append(np.abs(tracks.strain[own] - tracks.strain[near]))
     return np.concatenate(differences)
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.scan.scan import Scan
@@ -17,6 +16,10 @@ PITCH = 0.0005
 """Least distance between two points of a track, m: finer than any load cell resolves."""
 _ROUNDING = 1e-6
 """Fraction by which rounding may shorten a distance: a scan may have a strain at each pitch."""
+_MARGIN = 1e-9
+"""Fraction by which rounding may change a bound of distances."""
+_MOST_DISTANCES = 2**17
+"""Distances that are computed at once; of more, most are those of points that are far away."""
 
 
 @dataclass(frozen=True)
@@ -95,22 +98,96 @@ class Tracks:
         return np.where(self.scene.wraps, 2.0 * math.pi * levers(self.scene), 0.0)
 
     @cached_property
-    def _trees(self) -> list[cKDTree]:
-        points, full = self.positions * levers(self.scene), self.turns > 0.0
-        for _ in range(2):  # by rounding, the first remainder may be the period itself
-            points[:, full] = np.mod(points[:, full], self.turns[full])
-        return [cKDTree(points[rows], boxsize=self.turns if full.any() else None) for rows in self.slices]
+    def in_metres(self) -> np.ndarray:
+        """Positions (d, n) in metres of travel: sums over a short last axis take several times longer."""
+        return np.ascontiguousarray((self.positions * levers(self.scene)).T)
 
-    def nearest(self, places: np.ndarray, of: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Distances (M, S), m, of places (M, d) from the nearest point of each track; and these points.
+    def apart(self, difference: np.ndarray) -> np.ndarray:
+        """Differences (d, ...) of positions in metres, by the shortest arc where an axis is a full turn."""
+        for along, turn in zip(difference, self.turns.tolist(), strict=True):
+            if turn:
+                along -= turn * np.rint(along / turn)
+        return difference
 
-        ``of`` are the tracks that are asked for; ``None``: all.
+    def nearest(
+        self, places: np.ndarray, of: np.ndarray | None = None, most: int | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Distances, m, of places (M, d) from the nearest point of each track; and these points: both (M, S).
+
+        Parameters
+        ----------
+        places : positions; the nearer to each other they are, the sooner their tracks are found
+        of : (S,) int, the tracks that are asked for; ``None``: all
+        most : the nearest so many for each place, the nearest first; ``None``: all of them, in their order
         """
-        rows = np.arange(len(self)) if of is None else of
-        queries = places * levers(self.scene)
-        found = [self._trees[row].query(queries) for row in rows]
-        distance, point = (np.stack(each, axis=1) for each in zip(*found, strict=True))
-        return distance, point + self.starts[rows]
+        if of is None:
+            points = np.arange(len(self.positions))
+        else:
+            asked = np.zeros(len(self), dtype=bool)
+            asked[of] = True
+            points = np.flatnonzero(asked.repeat(self.counts))
+        queries = np.ascontiguousarray((places * levers(self.scene)).T)
+        shape = len(places), min(most or len(self), len(self) if of is None else len(of))
+        squared, nearest = np.empty(shape), np.empty(shape, dtype=np.intp)
+        waiting = [(np.arange(len(places)), points)]
+        while waiting:
+            rows, points = waiting.pop()
+            points = self._near(queries[:, rows], points, most)
+            if len(rows) > 1 and len(rows) * len(points) > _MOST_DISTANCES:
+                waiting += [(half, points) for half in halves(queries.T, rows)]
+                continue
+            least, found = self._least(queries[:, rows], points)
+            if most is not None:
+                order = np.argsort(least, axis=1, kind="stable")[:, :most]
+                least, found = (np.take_along_axis(each, order, axis=1) for each in (least, found))
+            squared[rows], nearest[rows] = least, found
+        return np.sqrt(squared), nearest
+
+    def _near(self, queries: np.ndarray, points: np.ndarray, most: int | None) -> np.ndarray:
+        """Those of ``points`` (n,) int that can be a track's nearest to one of ``queries`` (d, m), m.
+
+        By the triangle inequality: a point that is nearest to a query is at most twice as far from the middle
+        of all queries as the query is, beyond the point that is nearest to this middle.
+        """
+        middle = 0.5 * (queries.min(axis=1) + queries.max(axis=1))[:, None]
+        reach = 2.0 * math.sqrt(np.square(queries - middle).sum(axis=0).max()) * (1.0 + _MARGIN)
+        distance = np.sqrt(self._squared(middle, points)[0])
+        starts = _starts(self.number[points])
+        counts, least = np.diff([*starts, len(points)]), np.minimum.reduceat(distance, starts)
+        limit = least * (1.0 + _MARGIN) + reach
+        if most is not None and most < len(least):
+            limit[least > np.partition(limit, most - 1)[most - 1]] = -1.0
+        return points[distance <= limit.repeat(counts)]
+
+    def _least(self, queries: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Squared distances (m, S), m^2, of ``queries`` (d, m) from the tracks of ``points`` (n,) int.
+
+        And the nearest of the points of each track.
+        """
+        squared, starts = self._squared(queries, points), _starts(self.number[points])
+        least = np.minimum.reduceat(squared, starts, axis=1)
+        is_least = squared == least.repeat(np.diff([*starts, len(points)]), axis=1)
+        hits = np.flatnonzero(is_least)  # of two that are equally near, the first one
+        query, column = np.divmod(hits, len(points))
+        first = _starts(query * len(self) + self.number[points[column]])
+        return least, points[column[first]].reshape(least.shape)
+
+    def _squared(self, queries: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Squared distances (m, n), m^2, of ``queries`` (d, m) from ``points`` (n,) int."""
+        away = self.apart(queries[:, :, None] - self.in_metres.take(points, axis=1)[:, None])
+        return np.asarray(np.square(away, out=away).sum(axis=0))
+
+
+def halves(points: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The ``rows`` (m,) of points (n, d) in two halves, across the axis on which they extend farthest."""
+    along = points[rows, np.ptp(points[rows], axis=0).argmax()]
+    order, half = along.argsort(kind="stable"), len(rows) // 2
+    return rows[order[half:]], rows[order[:half]]
+
+
+def _starts(numbers: np.ndarray) -> np.ndarray:
+    """First index of each stretch of equal ones among ``numbers`` (n,), non-negative."""
+    return np.flatnonzero(np.diff(numbers, prepend=-1))
 
 
 def evenly(count: int, most: int) -> list[int]:
