@@ -68,7 +68,8 @@ def build_localizer(
     if calibration is None:
         calibration = _calibrated(scan, scene, learned, say)
     position_model = _position_model(scan, scene, configuration, learned, calibration)
-    localizer = _assembled(learned, scene, configuration, calibration, rng, scan, None, position_model)
+    limits = ScanRange.of(scan, scene), still_travel(scan, scene)
+    localizer = _assembled(learned, scene, configuration, calibration, rng, limits, None, position_model)
     say("ready", 1.0)
     return localizer
 
@@ -79,11 +80,14 @@ def _assembled(
     configuration: Configuration,
     calibration: Calibration,
     rng: np.random.Generator,
-    scan: Scan,
+    limits: tuple[ScanRange, np.ndarray],
     quiet_energy: np.ndarray | None = None,
     position_model: tuple[MeasurementModel, float] | None = None,
 ) -> Localizer:
-    """A localizer with what was learned; ``quiet_energy`` (F,) is of the whole scan, if that is a part."""
+    """A localizer with what was learned; ``quiet_energy`` (F,) is of the whole scan, if that is a part.
+
+    ``limits`` are the scan's range, and the travel over which its channels repeat their strain.
+    """
     cell = learned.cell(scene, configuration.cell)
     mixture = learned.mixture(scene, cell)
     length = calibration.examination.information_length
@@ -101,8 +105,7 @@ def _assembled(
         calibration.registration_std,
         quiet_energy,
         Anchors(scene),
-        ScanRange.of(scan, scene),
-        still_travel(scan, scene),
+        *limits,
     )
 
 
@@ -113,9 +116,11 @@ def _calibrated(scan: Scan, scene: Scene, learned: SweepModel, say: Progress) ->
     prior = Calibration(registration_std(scene), learned.variance)
     whole = learned.mixture(scene, learned.cell(scene, _EXAMINED.cell))
     quiet_energy = learned.quiet_energy(whole, UNEXAMINED)
+    still = still_travel(scan, scene)
 
     def build(part: SweepModel, within: Scene) -> Localizer:
-        return _assembled(part, within, _EXAMINED, prior, np.random.default_rng(0), scan, quiet_energy)
+        limits = ScanRange.of(scan, within), still
+        return _assembled(part, within, _EXAMINED, prior, np.random.default_rng(0), limits, quiet_energy)
 
     examination = examine(
         scan,

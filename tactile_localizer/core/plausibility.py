@@ -89,8 +89,7 @@ def still_travel(scan: Scan, scene: Scene) -> np.ndarray:
     """Longest travel (C,), m, over which a channel of a scan repeats its strain; infinite: all along."""
     motion, positions, strain = MotionModel(scene), scan.positions_on(scene), scan.strain_on(scene)
     longest = np.zeros(strain.shape[1])
-    for number in scan.sweep_numbers:
-        own = scan.sweep == number
+    for own in scan.rows_by_sweep:
         path = positions[own]
         along = motion.travels(motion.wrapped(np.diff(path, axis=0, prepend=path[:1]))).cumsum()
         ends = np.where(np.diff(strain[own], axis=0) != 0.0, along[:-1, None], 0.0)

@@ -75,10 +75,16 @@ class Scan:
         """A scan of some of the pairs, by boolean mask or indices."""
         return replace(self, states=self.states[keep], strain=self.strain[keep], sweep=self.sweep[keep])
 
-    @property
+    @cached_property
     def sweep_numbers(self) -> np.ndarray:
         """Numbers of the sweeps, ascending, (S,)."""
         return np.unique(self.sweep)
+
+    @cached_property
+    def rows_by_sweep(self) -> list[np.ndarray]:
+        """Rows of each sweep, in the order of their numbers."""
+        order = np.argsort(self.sweep, kind="stable")
+        return np.split(order, np.flatnonzero(np.diff(self.sweep[order])) + 1)
 
     def positions_on(self, scene: Scene) -> np.ndarray:
         """Positions (N, d) on the axes of a scene.
@@ -88,7 +94,7 @@ class Scan:
         SceneError
             The scene names an axis that the scan does not have.
         """
-        return _columns(self.states, scene.columns(self.axes))
+        return columns_of(self.states, scene.columns(self.axes))
 
     def strain_on(self, scene: Scene) -> np.ndarray:
         """Strains (N, C) of the phalanges of a scene.
@@ -98,9 +104,9 @@ class Scan:
         SceneError
             The scan lacks a phalanx of the scene, or has another number of channels for it.
         """
-        return _columns(self.strain, scene.channels(self.phalanges, self.channels))
+        return columns_of(self.strain, scene.channels(self.phalanges, self.channels))
 
 
-def _columns(array: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def columns_of(array: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """The given columns; the array itself if they are all of them, so that a large scan is not copied."""
     return array if np.array_equal(columns, np.arange(array.shape[1])) else array[:, columns]

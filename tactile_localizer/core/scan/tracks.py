@@ -48,11 +48,11 @@ class Tracks:
         SceneError
             The scene names an axis or a phalanx that the scan does not have.
         """
-        positions = scan.positions_on(scene) * levers(scene)
-        values = np.hstack([positions, scan.strain_on(scene)])
-        order = np.argsort(scan.sweep, kind="stable")
-        sweeps = np.split(order, np.flatnonzero(np.diff(scan.sweep[order])) + 1)
-        means = [_means_over_stretches(values[rows], positions[rows]) for rows in sweeps]
+        positions, strain = scan.positions_on(scene) * levers(scene), scan.strain_on(scene)
+        means = [
+            _means_over_stretches(np.hstack([positions[rows], strain[rows]]), positions[rows])
+            for rows in scan.rows_by_sweep
+        ]
         joined = np.concatenate(means)
         split = positions.shape[1]
         return cls(scene, joined[:, :split] / levers(scene), joined[:, split:], np.array([*map(len, means)]))

@@ -3,10 +3,11 @@
 import math
 import re
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime
 from decimal import Decimal
+from itertools import chain
 from operator import mul
 from pathlib import Path
 from typing import NamedTuple
@@ -119,11 +120,9 @@ def read_table(
     notes = [f"skipped {lost} of {n + lost} rows of {path} (first: {first})"] * (lost > 0)
     notes += [f"{path}: sweeps in the order of the file: {listed(cells.sweeps)}"] * bool(cells.sweeps)
     table = np.frombuffer(values).reshape(n, -1)
-    with np.errstate(over="ignore", invalid="ignore"):  # these values are missing
-        table *= [float(factor) for each in list(needed.values())[1:] for factor in each.factors]
-    table[~(np.abs(table) <= LARGEST_NUMBER)] = math.nan
+    _convert(table, chain(*(each.factors for each in list(needed.values())[1:])))
     strain = table[:, len(axes) + len(beside) :]
-    names = [name for each in strains.values() for name in each.names]
+    names = chain(*(each.names for each in strains.values()))
     counts = zip(names, np.isnan(strain).sum(axis=0).tolist(), strict=True)
     if missing := [f"{name} ({count} of {n} rows)" for name, count in counts if count]:
         notes.append(f"{path}: no number in {listed(missing)}")
@@ -135,6 +134,14 @@ def read_table(
         lost,
         notes,
     )
+
+
+def _convert(table: np.ndarray, factors: Iterable[Decimal]) -> None:
+    """Multiply the columns of a table (n, m) by ``factors``, in place; too large values are missing."""
+    for column, factor in zip(table.T, factors, strict=True):  # a large table has no copy
+        with np.errstate(over="ignore", invalid="ignore"):
+            column *= float(factor)
+        column[~(np.abs(column) <= LARGEST_NUMBER)] = math.nan
 
 
 class _Cells:

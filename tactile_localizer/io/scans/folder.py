@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.scan import Scan, columns_of
 from tactile_localizer.errors import ScanError, refusing
 from tactile_localizer.io.recording import SCENE_OF_SCAN as SCENE
 from tactile_localizer.io.recording import RecordedSweep, Recording, is_scan, scan_of
@@ -107,24 +107,21 @@ class ScanFolder:
             except ScanError as error:
                 unused.append(f"{error}; the sweep is not used")
                 continue
-            sweeps.append(sweep)
+            sweeps.append(
+                replace(
+                    sweep,
+                    position=columns_of(sweep.position, axes),
+                    strain=columns_of(sweep.strain, channels),
+                    status=columns_of(sweep.status, phalanges),
+                )
+            )
             if not len(sweep):
                 unused.append(f"{file}: sweep {number} has no pairs")
             elif damaged:
                 unused.append(f"{file}: {damaged} of {len(sweep) + damaged} pairs are damaged and not used")
         if unused and not sweeps:
             raise ScanError(f"{unused[0]}, nor is any other")
-        reduced = [
-            replace(
-                sweep,
-                position=sweep.position[:, axes],
-                strain=sweep.strain[:, channels],
-                status=sweep.status[:, phalanges],
-            )
-            for sweep in sweeps
-            if len(sweep)
-        ]
-        return Recording(str(self.path), tuple(reduced), tuple(unused))
+        return Recording(str(self.path), tuple(filter(len, sweeps)), tuple(unused))
 
     def history(self) -> list[dict[str, Any]]:
         """The entries of the history, oldest first: ``at`` (ISO 8601, UTC), ``what``, and details."""
