@@ -1,12 +1,14 @@
 """Naming of CSV columns: maps this package's quantities to column names, in YAML or on the command line.
 
-For example::
+The names are those of :mod:`tactile_localizer.io.names`, for example::
 
     stamp_s: timestamp * 0.001              # column * factor to the package's unit
     stamp_s: sec + nanosec * 1e-9 - 1.7e9   # stamps may be a sum, and have an offset, s
+    stamp_s: row / 60                       # rows at 60 Hz, without a column of time
     x: position_mm * 0.001
     index: gauge1..8                        # a phalanx: one column per channel
     middle: ["Force 1, N", "Force 2, N"]    # names in a list are taken as they are
+    thumb: column4..9                       # by number, from 1: of a file without a header
     strain_unit: counts                     # default: V
 
 A position in the column of the stamps, as ``x: timestamp * 1e-5``, is a constant speed from the start of
@@ -18,14 +20,14 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any
 
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.errors import ScanError, listed
+from tactile_localizer.io.csv.rows import NUMBER, Header
+from tactile_localizer.io.names import Names, parse_names
 from tactile_localizer.io.yaml_file import load_yaml, mapping
-from tactile_localizer.quantity import LARGEST_NUMBER
 from tactile_localizer.scene import AXIS_NAMES, MOST_CHANNELS, Scene
 
 FELT, SWEEP = "felt", "sweep"
@@ -36,28 +38,6 @@ _OTHERS = (*STAMPS, SWEEP, FELT, *AXIS_NAMES, *TRUE.values())
 """Quantities that are no phalanges."""
 _LONGEST = 100
 """Characters of a name that are compared with others for a proposal."""
-_RANGE = re.compile(r"(.*?)([0-9]{1,9})\.\.([0-9]{1,9})")
-_SIGN = r"(?<![0-9.][eE])(?<!\*)(?<!\*\s)"
-"""Before a + or - that is not part of a number."""
-_OFFSET = re.compile(_SIGN + r"([-+]\s*[0-9.]+(?:[eE][-+]?[0-9]+)?)$")
-
-
-@dataclass(frozen=True)
-class Columns:
-    """Columns of one quantity.
-
-    Parameters
-    ----------
-    names : one per channel of a phalanx; those of a stamp are added up
-    factors : of each column, to the package's unit
-    offset : added to a stamp, s
-    given : the YAML form
-    """
-
-    names: tuple[str, ...]
-    factors: tuple[Decimal, ...]
-    offset: Decimal = Decimal(0)
-    given: str | list[str] = ""
 
 
 @dataclass(frozen=True)
@@ -70,13 +50,13 @@ class ColumnNaming:
     strain_unit : unit of the strain values, for display
     """
 
-    columns: Mapping[str, Columns] = field(default_factory=dict)
+    columns: Mapping[str, Names] = field(default_factory=dict)
     strain_unit: str = "V"
 
-    def of(self, quantity: str, channels: int = 0) -> Columns:
+    def of(self, quantity: str, channels: int = 0) -> Names:
         """Columns of a quantity; standard ones are those of a phalanx if it has ``channels``."""
         standard = channel_names(quantity, channels) if channels else (quantity,)
-        return self.columns.get(quantity, Columns(standard, (Decimal(1),) * len(standard)))
+        return self.columns.get(quantity, Names.plain(standard))
 
     def check(self, scene: Scene) -> None:
         """Require that the naming matches a scene.
@@ -115,30 +95,42 @@ class MissingColumnError(ScanError):
 
 
 def missing_column(
-    path: Path, header: Sequence[str], quantity: str, naming: ColumnNaming, scene: Scene | None
+    path: Path, header: Header, quantity: str, naming: ColumnNaming, scene: Scene | None
 ) -> MissingColumnError:
     """Error about a quantity without a column, with a naming to fill in."""
     axes = scene.axis_names if scene else AXIS_NAMES
-    counts = {each.name: each.channels for each in scene.phalanges} if scene else phalanges_in(header, naming)
+    names = header.names
+    counts = {each.name: each.channels for each in scene.phalanges} if scene else phalanges_in(names, naming)
     proposed = {} if counts else {name: json.dumps(each) for name, each in _groups(header, naming).items()}
     counts = counts or dict.fromkeys(proposed or ("finger",), DEFAULT_CHANNELS)
-    hints = {"stamp_s": "time of the row, s; from ms: NAME * 0.001; of two: SEC + NANOSEC * 1e-9"}
+    sec, nanosec, one, of_one = "SEC", "NANOSEC", "NAME", "NAME"
+    if header.first:
+        sec, nanosec, one, of_one = "column1", "column2", "column4", "column"
+    hints = {"stamp_s": f"time of the row, s; from ms: {one} * 0.001; of two: {sec} + {nanosec} * 1e-9; "}
+    hints["stamp_s"] += "of rows at 60 Hz: row / 60"
     hints["pose_stamp_s"] = "the same in a file of --poses, if it has another name"
-    hints |= dict.fromkeys(axes, "position of the palm, m (yaw: rad); from mm: NAME * 0.001")
-    hints |= {name: f"{count} columns: NAME1..{count}, or [NAME, ...]" for name, count in counts.items()}
+    hints |= dict.fromkeys(axes, f"position of the palm, m (yaw: rad); from mm: {one} * 0.001")
+    hints |= {name: f"{count} columns: {of_one}1..{count}, or [NAME, ...]" for name, count in counts.items()}
     hints |= dict.fromkeys(proposed, "a proposed phalanx, or leave it out")
-    lines = [f"# columns found: {listed(header)}"]
+    found = [
+        f"{name} ({cell.strip()[:20]})" for name, cell in zip(names, header.first, strict=False)
+    ] or names
+    lines = [f"# columns found: {listed(found)}"]
     for name, hint in hints.items():
-        if f"{name}_1" not in header:
-            found = naming.columns[name].given if name in naming.columns else name * (name in header)
-            lines.append(f"{name}: {proposed.get(name, found)}".ljust(24) + f"  # {hint}")
-    example = f"{quantity}=NAME{'1..8' * (quantity not in _OTHERS)}"
-    return MissingColumnError(
-        f"{path}: expected a column for {quantity} ({', '.join(naming.of(quantity).names)}), found "
-        f"{listed(header) or 'no header'}; fill in the naming above and pass it by --columns FILE, or pass "
-        f"--column {example}",
-        "\n".join(lines),
-    )
+        if f"{name}_1" not in names:
+            given = naming.columns[name].given if name in naming.columns else name * (name in names)
+            lines.append(f"{name}: {proposed.get(name, given)}".ljust(24) + f"  # {hint}")
+    expected = f"expected a column for {quantity} ({', '.join(naming.of(quantity).names)})"
+    advice = "fill in the naming above and pass it by --columns FILE, or pass --column "
+    if header.first:
+        example = "such as stamp_s: column1 + column2 * 1e-9, finger: column4..9"
+        problem = f"{expected}, but the file has no header (line {header.line + 1} is numbers): name columns "
+        problem += f"by number, {example}; {advice}'{quantity}=columnN'"
+    else:
+        example = f"{quantity}=NAME{'1..8' * (quantity not in _OTHERS)}"
+        rate = "; of rows at a constant rate, --column 'stamp_s=row / RATE'" * (quantity in STAMPS)
+        problem = f"{expected}, found {listed(names) or 'no header'}; {advice}{example}{rate}"
+    return MissingColumnError(f"{path}: {problem}", "\n".join(lines))
 
 
 def phalanges_in(header: Sequence[str], naming: ColumnNaming) -> dict[str, int]:
@@ -157,12 +149,12 @@ def _used(naming: ColumnNaming) -> set[str]:
     return {column for columns in naming.columns.values() for column in columns.names}
 
 
-def _groups(header: Sequence[str], naming: ColumnNaming) -> dict[str, list[str]]:
+def _groups(header: Header, naming: ColumnNaming) -> dict[str, list[str]]:
     """Columns without a meaning by what they have in common before a number or a short ending."""
     groups: dict[str, list[str]] = {}
-    for column in header:
+    for column in [] if header.first else header.names:
         match = re.fullmatch(r"(.+?)(?:[\W_]*[0-9]+.*|[\W_]+[A-Za-z]{1,2})", column[:_LONGEST])
-        if match and column not in {*_used(naming), *_OTHERS}:
+        if match and not NUMBER.fullmatch(column) and column not in {*_used(naming), *_OTHERS}:
             groups.setdefault(re.sub(r"\W+", "_", match[1]).strip("_") or "finger", []).append(column)
     return {name: columns for name, columns in groups.items() if len(columns) > 1}
 
@@ -198,7 +190,17 @@ def naming_from_dict(content: Any) -> ColumnNaming:
     if not unit.isprintable():
         raise ScanError(f"strain_unit: expected printable text, got {unit!r:.80}")
     given = {name: value for name, value in entries.items() if value is not None}
-    return ColumnNaming({name: _columns(name, value) for name, value in given.items()}, unit)
+    columns = {
+        name: parse_names(
+            value,
+            f"column naming {name!r}",
+            several=name not in _OTHERS,
+            is_sum=name in STAMPS,
+            error=ScanError,
+        )
+        for name, value in given.items()
+    }
+    return ColumnNaming(columns, unit)
 
 
 def naming_to_dict(naming: ColumnNaming) -> dict[str, Any]:
@@ -222,42 +224,3 @@ def naming_from_pairs(pairs: Sequence[str], base: ColumnNaming) -> ColumnNaming:
             raise ScanError(f"column {pair!r}: expected QUANTITY=COLUMN, as in stamp_s=time_ms*0.001")
         content[quantity.strip()] = value
     return naming_from_dict(content)
-
-
-def _columns(quantity: str, value: Any) -> Columns:
-    """Columns of a list of names, or of a text with factors and, for a phalanx, commas."""
-    where = f"column naming {quantity!r}"
-    if not isinstance(value, str | list) or not value or not all(isinstance(each, str) for each in value):
-        raise ScanError(f"{where}: expected a column's name or a list of names, got {value!r:.80}")
-    offset = Decimal(0)
-    if isinstance(value, list):
-        terms = [[name] for name in value]
-    elif quantity in STAMPS:
-        text, *shift = _OFFSET.split(value)
-        offset = _number(shift[0].replace(" ", ""), where) if shift else offset
-        terms = [term.split("*", 1) for term in re.split(_SIGN + r"\+", text)]
-    else:
-        text, *factor = value.split("*", 1)
-        terms = [[name, *factor] for name in ([text] if quantity in _OTHERS else text.split(","))]
-    names: list[str] = []
-    factors: list[Decimal] = []
-    for name, *factor in terms:
-        name = name.strip()
-        match = _RANGE.fullmatch(name)
-        first, last = (int(match[2]), int(match[3])) if match else (0, 0)
-        if not 0 <= last - first < MOST_CHANNELS:
-            raise ScanError(f"{where}: expected 1 to {MOST_CHANNELS} columns, got {name!r:.80}")
-        found = [f"{match[1]}{index}" for index in range(first, last + 1)] if match else [name]
-        names += found
-        factors += [_number(factor[0], where) if factor else Decimal(1)] * len(found)
-    return Columns(tuple(names), tuple(factors), offset, value)
-
-
-def _number(text: str, where: str) -> Decimal:
-    try:
-        number = Decimal(text)
-    except InvalidOperation:
-        number = Decimal(0)
-    if not number.is_finite() or not 0 < abs(number) <= LARGEST_NUMBER:
-        raise ScanError(f"{where}: expected a number after *, + or -, other than 0, got {text!r:.80}")
-    return number

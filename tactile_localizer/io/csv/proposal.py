@@ -55,11 +55,11 @@ def propose_scene(
     path, beside = Path(paths[0]), Path((*poses, *paths)[0])
     named = [name for columns in naming.columns.values() for name in columns.names]
     known = [*AXIS_NAMES, *naming.of("stamp_s").names, *named]
-    header, places = (read_rows(each, known)[0].names for each in (path, beside))
-    axes = [axis for axis in AXIS_NAMES if axis in {*naming.columns, *places}]
+    header, places = (read_rows(each, known)[0] for each in (path, beside))
+    axes = [axis for axis in AXIS_NAMES if axis in {*naming.columns, *places.names}]
     if not axes:
         raise missing_column(beside, places, "x", naming, None)
-    counts = phalanges_in(header, naming)
+    counts = phalanges_in(header.names, naming)
     if not counts:
         raise missing_column(path, header, "finger", naming, None)
     phalanges = tuple(Phalanx(phalanx, (0.0,) * len(axes), count) for phalanx, count in counts.items())

@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from tactile_localizer.errors import ScanError, listed
-from tactile_localizer.io.csv.columns import FELT, SWEEP, TRUE, ColumnNaming, Columns
+from tactile_localizer.io.csv.columns import FELT, SWEEP, TRUE, ColumnNaming
 from tactile_localizer.io.csv.table import Table, in_other_unit, read_table
+from tactile_localizer.io.names import Names
 from tactile_localizer.io.recording import (
     RecordedSweep,
     Recording,
@@ -42,6 +43,9 @@ LOCAL_TIME = (".asc", ".mf4")
 """Formats of CAN logs with local time, which python-can reads as of the zone of this machine."""
 _PERIOD_S = 5e-5, 0.5
 """Shortest and longest plausible time between samples of a tactile sensor, s (judgement)."""
+_YEAR_2000_S = 946_684_800
+_IRREGULAR = 0.25
+"""Range of the middle half of the steps, by their median, that no sampling has (judgement)."""
 
 
 def read_csv(
@@ -126,14 +130,14 @@ def _read_file(
     )
     sweeps, outside = cut(samples, run, label, found, detector)
     notes += [*outside, *stamp_notes(run, f"rows of {path}")]
-    if not _PERIOD_S[0] <= (period_s := _period_s(table.stamp_ns)) <= _PERIOD_S[1]:
-        unit = in_other_unit("stamp_s", naming.of("stamp_s"))
-        notes.append(f"{path}: the stamps are {period_s:.3g} s apart{unit}")
+    beside_ns = poses.stamp_ns if pose_path else np.empty(0)
+    if finding := _implausible_stamps(table.stamp_ns, beside_ns, naming.of("stamp_s")):
+        notes.append(f"{path}: {finding}")
     return Recording(str(path), tuple(sweeps), tuple(notes), table.lost + int(np.sum(run == LATE)))
 
 
 def _of_rows(
-    scene: Scene, naming: ColumnNaming, axes: Mapping[str, Columns], table: Table, label: np.ndarray
+    scene: Scene, naming: ColumnNaming, axes: Mapping[str, Names], table: Table, label: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
     """Positions (n, d) of rows that have them, if they are in order, their runs, and the truth (n, d)."""
     begun = np.flatnonzero(np.diff(label, prepend=-1))
@@ -144,7 +148,7 @@ def _of_rows(
     return near_bounds(scene.axes, position), run != LATE, run, _truth(scene, table)
 
 
-def _shift_advice(stamp: Columns, log: Path | None, stamp_ns: int, ahead_s: float) -> str:
+def _shift_advice(stamp: Names, log: Path | None, stamp_ns: int, ahead_s: float) -> str:
     """How to shift poses whose clock is ahead by a time, s, and the time zone of a log with local time."""
     terms = "+".join(
         name if factor == 1 else f"{name}*{factor}"
@@ -161,8 +165,30 @@ def _shift_advice(stamp: Columns, log: Path | None, stamp_ns: int, ahead_s: floa
     return f"; {log.suffix} has the local time of where it was written: TZ={zone} reads it as such{advice}"
 
 
-def _period_s(stamp_ns: np.ndarray) -> float:
-    return 1e-9 * float(np.median(np.abs(np.diff(stamp_ns)))) if len(stamp_ns) > 1 else _PERIOD_S[0]
+def _implausible_stamps(stamp_ns: np.ndarray, beside_ns: np.ndarray, columns: Names) -> str:
+    """What is implausible about the stamps of rows, in one line: too coarse, or in another unit.
+
+    Points that are measured at rest may be seconds apart. Then their stamps are those of a clock since 1970,
+    irregular, or in the middle of the stamps of poses, ``beside_ns``.
+    """
+    step_s = 1e-9 * np.abs(np.diff(stamp_ns))
+    steps_s = step_s[step_s > 0.0]
+    if not len(steps_s):
+        return ""
+    period_s, (low_s, high_s) = np.median(steps_s), np.quantile(steps_s, [0.25, 0.75])
+    if 2 * len(steps_s) < len(step_s):
+        each_s = period_s * len(steps_s) / len(step_s)
+        found = f"{len(step_s) - len(steps_s)} of {len(stamp_ns)} rows have the stamp of the row before"
+        advice = f"--column 'stamp_s=row * {each_s:.3g}' numbers them"
+        return f"{found}: a clock of {period_s:.3g} s, and rows {each_s:.3g} s apart; {advice}"
+    is_since_1970 = 1e-9 * np.median(stamp_ns) > _YEAR_2000_S
+    is_irregular = high_s - low_s > _IRREGULAR * period_s
+    around = np.searchsorted(np.sort(beside_ns), np.quantile(stamp_ns, [0.25, 0.75])).tolist()
+    is_between = around[0] > 0 and around[1] < len(beside_ns)
+    at_rest = is_since_1970 or is_irregular or is_between
+    if _PERIOD_S[0] <= period_s and (period_s <= _PERIOD_S[1] or at_rest):
+        return ""
+    return f"the stamps are {period_s:.3g} s apart{in_other_unit('stamp_s', columns)}"
 
 
 def _truth(scene: Scene, table: Table) -> np.ndarray | None:
@@ -171,7 +197,7 @@ def _truth(scene: Scene, table: Table) -> np.ndarray | None:
     return np.column_stack(known) if len(known) == scene.dimension else None
 
 
-def _yaw_notes(path: Path, naming: ColumnNaming, axes: Mapping[str, Columns], table: Table) -> Iterator[str]:
+def _yaw_notes(path: Path, naming: ColumnNaming, axes: Mapping[str, Names], table: Table) -> Iterator[str]:
     """A finding about yaw that seems to be in degrees, before it is wrapped."""
     read = {**dict(zip(axes, table.position.T, strict=False)), **table.beside}
     for name in read.keys() & {"yaw", TRUE["yaw"]}:

@@ -7,7 +7,7 @@ import io
 import os
 import re
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -22,7 +22,11 @@ _MAX_LINE = 2**20
 _HEAD = 200
 """Lines in which the header is searched; instruments write up to 30 before it."""
 _COMMENTS = ("#", "%")
-_NUMBER = re.compile(r"\s*[-+]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?\s*")
+_SEPARATORS = (",", ";", "\t", "|", " ")
+MISSING = ("", "-", "na", "n/a", "#n/a", "<na>", "none", "null", "nan")
+"""Spellings of a missing value, in lower case."""
+_BY_NUMBER = re.compile(r"column([1-9][0-9]{0,5})")
+NUMBER = re.compile(r"\s*[-+]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?\s*")
 
 _LATIN_1 = "tactile_localizer.latin_1"
 """Error handler of a decoder that takes for Latin-1 what is not in the encoding, as of older programs."""
@@ -37,20 +41,41 @@ codecs.register_error(_LATIN_1, _decode_latin_1)
 
 
 class Header(NamedTuple):
-    """Names of the columns, the separator between them, and the number of their line."""
+    """Columns of a file.
+
+    Parameters
+    ----------
+    names : of the columns; ``column1``, ``column2``, ... where the file has none
+    separator : between the cells
+    line : number of the line with the names, or of that before the first row; 0 where this is the first line
+    first : cells of the first row of a file without names; else empty
+    """
 
     names: list[str]
     separator: str = ","
     line: int = 0
+    first: Sequence[str] = ()
+
+    def place(self, name: str) -> int | None:
+        """Place of a column, from 0, by its name or, as ``column1``, its number; ``None`` without one."""
+        if name in self.names:
+            return self.names.index(name)
+        by_number = _BY_NUMBER.fullmatch(name)
+        return int(by_number[1]) - 1 if by_number and int(by_number[1]) <= len(self.names) else None
 
 
-def read_rows(path: Path, wanted: Collection[str] = ()) -> tuple[Header, Iterator[tuple[int, list[str]]]]:
-    """The header of a file, and the line number and cells of each row behind it.
+Rows = dict[int, str]
+"""Lines of rows by their numbers."""
+
+
+def read_rows(path: Path, wanted: Collection[str] = ()) -> tuple[Header, Iterator[Rows]]:
+    """The header of a file, and the rows behind it, by the thousand.
 
     The header is the first line that has the ``wanted`` columns, or most of them; it may be a comment. The
     separator is that with which it has them: comma, semicolon, tab, bar or blanks. Skipped are lines of text
-    behind it (units), blank lines, repetitions of the header, and lines that begin with ``#`` or ``%``. The
-    text is UTF-8 or UTF-16 (with a byte order mark), what is not is Latin-1; gzip may compress it.
+    directly behind it (units), blank lines, repetitions of the header, and lines that begin with ``#`` or
+    ``%``. The text is UTF-8 or UTF-16 (with a byte order mark), what is not is Latin-1; gzip may compress it.
+    A file of numbers alone has no header.
 
     Raises
     ------
@@ -65,37 +90,44 @@ def read_rows(path: Path, wanted: Collection[str] = ()) -> tuple[Header, Iterato
 def _rows(path: Path, wanted: Collection[str]) -> Iterator[Any]:
     kinds = OSError, EOFError, zlib.error, ValueError, csv.Error
     with refusing(f"{path}: expected a CSV file", ScanError, *kinds), open_file(path) as stored:
-        lines, size = _lines(path, stored)
-        head = [next(lines, "")]
-        while head[-1] and len(head) < _HEAD and len("".join(head)) < _MAX_LINE:
-            head.append(next(lines, ""))
+        blocks, size = _blocks(path, stored)
+        block = next(blocks)
+        head = block[:_HEAD]
         header = _header(head, wanted)
         yield header
         most = _MOST_NUMBERS // max(len(wanted), 1)
-        expected = size * len(head) // max(len("".join(head)), 1)
-        width, names, is_units = len(header.names), head[max(header.line - 1, 0)], True
-        for number, line in enumerate(chain(head[header.line :], lines), header.line + 1):
-            if (found := max(number, expected)) > most:
+        expected = size * len(block) // max(sum(map(len, block)) + len(block), 1)
+        width, separator = len(header.names), header.separator
+        names = {"", *([] if header.first else head[max(header.line - 1, 0) :][:1])}
+        is_units, number = True, header.line + 1
+        for lines in chain([block[header.line :]], blocks):
+            rows = {
+                at: line
+                for at, line in enumerate(lines, number)
+                if line not in names and line[0] not in _COMMENTS and not line.isspace()
+            }
+            number += len(lines)
+            if (found := max(number - 1, expected)) > most:
                 raise ScanError(
                     f"{path}: expected at most {most} rows, found {found}, or a file that is cut short; "
                     "split it by sweeps"
                 )
-            if line.isspace() or line.startswith(_COMMENTS) or line == names or not line:
-                continue
-            cells = _cells(line, header.separator)
-            is_units = is_units and not any(map(_NUMBER.fullmatch, cells))
-            if is_units:
-                continue
-            if len(cells) > width and any(map(str.strip, cells[width:])):
-                raise ScanError(
-                    f"{path} line {number}: expected {width} cells as in the header, found {len(cells)} "
-                    "(decimal commas? write points, or separate by semicolons)"
-                )
-            yield number, cells
+            while is_units and rows:
+                first = next(iter(rows))
+                if is_units := not any(map(NUMBER.fullmatch, cells_of(rows[first], separator))):
+                    del rows[first]
+            for at in [at for at, line in rows.items() if line.count(separator) >= width]:
+                cells = cells_of(rows[at], separator)
+                if any(map(str.strip, cells[width:])):
+                    raise ScanError(
+                        f"{path} line {at}: expected {width} cells as in the header, found {len(cells)} "
+                        "(decimal commas? write points, or separate by semicolons)"
+                    )
+            yield rows
 
 
-def _lines(path: Path, stored: BinaryIO) -> tuple[Iterator[str], int]:
-    """Lines of a file, and its uncompressed size in bytes, which gzip has modulo 2**32."""
+def _blocks(path: Path, stored: BinaryIO) -> tuple[Iterator[list[str]], int]:
+    """Lines of a file, many at once, and its uncompressed size in bytes, which gzip has modulo 2**32."""
     size = os.fstat(stored.fileno()).st_size
     content: Any = stored
     if stored.read(2) == b"\x1f\x8b":
@@ -108,16 +140,19 @@ def _lines(path: Path, stored: BinaryIO) -> tuple[Iterator[str], int]:
     if b"\0" in start and not is_utf_16:
         advice = "a spreadsheet? export it; compressed? gzip is read"
         raise ScanError(f"{path}: expected a CSV file, found one that is no text ({advice})")
-    encoding = "utf-16" if is_utf_16 else "utf-8-sig"
-    text = io.TextIOWrapper(content, encoding, _LATIN_1, newline="")
+    text = io.TextIOWrapper(content, "utf-16" if is_utf_16 else "utf-8-sig", _LATIN_1)
 
-    def lines() -> Iterator[str]:
-        while line := text.readline(_MAX_LINE):
-            if len(line) == _MAX_LINE:
+    def blocks() -> Iterator[list[str]]:
+        rest, is_whole = "", False
+        while not is_whole:
+            block = text.read(_MAX_LINE)
+            is_whole = len(block) < _MAX_LINE
+            *lines, rest = (rest + block).split("\n")
+            if len(rest) >= _MAX_LINE:
                 raise ScanError(f"{path}: expected lines of less than {_MAX_LINE} characters")
-            yield line
+            yield [*lines, rest] if is_whole else lines
 
-    return lines(), size
+    return blocks(), size
 
 
 def _header(head: list[str], wanted: Collection[str]) -> Header:
@@ -125,15 +160,15 @@ def _header(head: list[str], wanted: Collection[str]) -> Header:
     known, found = set(wanted), Header([])
     best: tuple[int, ...] = ()
     last = next((line for line in reversed(head) if line.strip()), "")
-    for separator in (",", ";", "\t", "|", " "):
-        width = len(_cells(last, separator)) if separator in last else 1
+    for separator in _SEPARATORS:
+        width = len(cells_of(last, separator)) if separator in last else 1
         for number, line in enumerate(head, 1):
             if not line.strip() or (separator not in line and separator != ","):
                 continue
-            names = [name.strip() for name in _cells(line.lstrip("#% "), separator)]
+            names = [name.strip() for name in cells_of(line.lstrip("#% "), separator)]
             score = (
                 len(known & {*names}),
-                not any(map(_NUMBER.fullmatch, names)),
+                not any(map(NUMBER.fullmatch, names)) or _are_counted(names),
                 len(names) == width,
                 separator != " ",
                 len(names),
@@ -141,10 +176,42 @@ def _header(head: list[str], wanted: Collection[str]) -> Header:
             )
             if score > best:
                 best, found = score, Header(names, separator, number)
-    return found
+    is_header = best[:1] > (0,) or _are_counted(found.names) or _is_above(found, last)
+    return found if is_header else _without_names(head, last) or found
 
 
-def _cells(line: str, separator: str) -> list[str]:
+def _is_above(header: Header, last: str) -> bool:
+    """Whether a header has a name for each cell of the last line, and text where that has a number."""
+    cells = cells_of(last.rstrip(header.separator + " "), header.separator)
+    are_text = [any(map(str.isalpha, name)) and name.lower() not in MISSING for name in header.names]
+    are_numbers = map(NUMBER.fullmatch, cells)
+    return len(cells) <= len(header.names) and any(map(all, zip(are_text, are_numbers, strict=False)))
+
+
+def _are_counted(names: Sequence[str]) -> bool:
+    """Whether columns are numbered from 0, as pandas writes those of an array."""
+    named = names[names[:1] == [""] :]
+    return len(named) > 1 and named == [str(number) for number in range(len(named))]
+
+
+def _without_names(head: list[str], last: str) -> Header | None:
+    """The columns by their numbers, if the lines are numbers; the separator is that between most of them."""
+
+    def numbers(separator: str) -> int:
+        cells = cells_of(last, separator)
+        return 2 * sum(map(bool, map(NUMBER.fullmatch, cells))) - len(cells)
+
+    separator = max(_SEPARATORS, key=numbers)
+    width = len(cells_of(last, separator))
+    for number, line in enumerate(head):
+        cells = cells_of(line, separator)
+        if len(cells) == width and any(map(NUMBER.fullmatch, cells)) and not line.startswith(_COMMENTS):
+            return Header([f"column{each}" for each in range(1, width + 1)], separator, number, cells)
+    return None
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """The cells of a line, of which some may be in quotes."""
     if '"' not in line:  # several times faster than a reader
         return line.split(None if separator == " " else separator)
     return next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime
 from decimal import Decimal
-from itertools import chain
+from itertools import chain, count
 from operator import mul
 from pathlib import Path
 from typing import NamedTuple
@@ -21,14 +21,15 @@ from tactile_localizer.io.csv.columns import (
     SWEEP,
     TRUE,
     ColumnNaming,
-    Columns,
     missing_column,
     phalanges_in,
 )
-from tactile_localizer.io.csv.rows import Header, read_rows
+from tactile_localizer.io.csv.rows import MISSING, Header, Rows, cells_of, read_rows
+from tactile_localizer.io.names import ROW, Names
 from tactile_localizer.quantity import LARGEST_NUMBER
 from tactile_localizer.scene import AXIS_NAMES, Scene
 
+_NS = 10**9
 _MAX_STAMP_NS = 2**62
 """Largest stamp: differences of stamps fit into 64 bits."""
 _DATE = re.compile(
@@ -38,8 +39,9 @@ _DATE = re.compile(
 """Date in ISO 8601, time, fraction of a second, and hours and minutes of the time zone."""
 _NO_DATE = "1970-01-01"
 _FLAGS = {"true": "1", "false": "0"}
-_MISSING = ("", "-", "na", "n/a", "#n/a", "<na>", "none", "null")
-"""Spellings of a missing value beside NaN, in lower case."""
+_LEADING_ZERO = re.compile(r"\.0[0-9]")
+_SUBUNITS = {3: "MILLISEC", 6: "MICROSEC", 9: "NANOSEC"}
+"""Parts of a second by their digits."""
 
 
 class Table(NamedTuple):
@@ -68,8 +70,8 @@ def read_table(
     scene: Scene,
     naming: ColumnNaming,
     stamp: str,
-    axes: Mapping[str, Columns],
-    strains: Mapping[str, Columns],
+    axes: Mapping[str, Names],
+    strains: Mapping[str, Names],
 ) -> Table:
     """Read a file.
 
@@ -95,31 +97,24 @@ def read_table(
     beside = {name: naming.of(name) for name in may if not there.isdisjoint((name, *naming.of(name).names))}
     needed = {stamp: naming.of(stamp), **axes, **beside, **strains}
     required = len(axes) + (SWEEP in beside)
-    cells = _Cells(header, needed, _indices(path, header.names, needed, naming, scene), required)
-    stamps, values = array("q"), array("d")
-    lost, first = 0, ""
-    for line, row in rows:
-        try:
-            time_s, numbers = cells.read(row)
-            if abs(time_s) * 10**9 > _MAX_STAMP_NS:
-                unit = in_other_unit(stamp, needed[stamp])
-                raise ValueError(f"expected a stamp in s, found {float(time_s):.6g}{unit}")
-        except ValueError as error:
-            if str(error):
-                lost, first = lost + 1, first or f"line {line}, {error}"
-            continue
-        stamps.append(int((time_s * 10**9).to_integral_value()))
-        values.extend(numbers)
-    n, stamp_ns = len(stamps), np.array(stamps)
+    cells = _Cells(header, needed, _places(path, header, needed, naming, scene), required)
+    for block in rows:
+        cells.read(block)
+    stamp_ns, table = np.array(cells.stamp_ns), np.frombuffer(cells.values)
+    lost = cells.lost
+    n = len(stamp_ns)
     if not n:
-        problem = f" in {lost} rows ({first})" if lost else ""
+        problem = f" in {lost} rows ({cells.first})" if lost else ""
         raise ScanError(f"{path}: expected rows of numbers, found none{problem}")
+    notes = [f"skipped {lost} of {n + lost} rows of {path} (first: {cells.first})"] * (lost > 0)
+    if found := cells.in_whole_seconds(stamp_ns):
+        stamp_ns, note = found
+        notes.append(f"{path}: {note}")
     if n > 1 and not np.ptp(stamp_ns):
-        found = f"{stamp_ns[0] * 1e-9:.6g} s in all {n} rows"
-        raise ScanError(f"{path}: expected stamps that increase, found {found}")
-    notes = [f"skipped {lost} of {n + lost} rows of {path} (first: {first})"] * (lost > 0)
+        constant = f"{stamp_ns[0] * 1e-9:.6g} s in all {n} rows"
+        raise ScanError(f"{path}: expected stamps that increase, found {constant}")
     notes += [f"{path}: sweeps in the order of the file: {listed(cells.sweeps)}"] * bool(cells.sweeps)
-    table = np.frombuffer(values).reshape(n, -1)
+    table = table.reshape(n, -1)
     _convert(table, chain(*(each.factors for each in list(needed.values())[1:])))
     strain = table[:, len(axes) + len(beside) :]
     names = chain(*(each.names for each in strains.values()))
@@ -145,47 +140,131 @@ def _convert(table: np.ndarray, factors: Iterable[Decimal]) -> None:
 
 
 class _Cells:
-    """Conversion of the wanted cells of a row: the stamp, s, and the other values in the units of the file.
+    """Conversion of the wanted cells of rows: the stamps, and the other values in the units of the file.
+
+    Many rows are read at once. Where that fails, as with a date or a missing value, their cells are written
+    as plain numbers first; a row without is left out.
 
     Parameters
     ----------
     header : header of the file
     needed : columns by quantity: the stamp, ``required`` ones that have to be finite, and others
-    indices : places of all these columns in the header
+    places : of all these columns in a row, 0 for the row's own number
 
     Attributes
     ----------
+    stamp_ns : n stamps, ns
+    values : n rows of other values
+    lost, first : number of rows that could not be read, and what is wrong with the first
     sweeps : numbers of the sweeps by their names, where the first of them is no number
     """
 
     def __init__(
-        self, header: Header, needed: Mapping[str, Columns], indices: Sequence[int], required: int
+        self, header: Header, needed: Mapping[str, Names], places: Sequence[int], required: int
     ) -> None:
-        self._header, self._indices = header, indices
-        self._stamp = next(iter(needed.values()))
+        self._header, self._places = header, places
+        self._number = count() if 0 in places else None
+        stamp, self._stamp = next(iter(needed.items()))
+        self._unit = in_other_unit(stamp, self._stamp)
         self._stamps = len(self._stamp.names)
-        self._required = self._stamps + required
+        self._required = required
         self._quantities = [name for name, each in needed.items() for _ in each.names]
+        stamps = [(f"stamp{place}", "O") for place in range(self._stamps)]
+        self._kind = np.dtype([*stamps, ("values", "f8", (len(places) - self._stamps,))])
         self._are_numbered = SWEEP not in needed
+        self._texts: dict[int, str] | None = {} if self._stamps == 1 else None
+        self.stamp_ns, self.values = array("q"), array("d")  # a large recording is held once
+        self.lost, self.first = 0, ""
         self.sweeps: dict[str, int] = {}
 
-    def read(self, row: list[str]) -> tuple[Decimal, list[float]]:
-        """Read a row.
+    def read(self, rows: Rows) -> None:
+        """Read rows."""
+        separator, places = self._header.separator, [place - 1 for place in self._places]
+        if self._number is not None:
+            rows = {line: f"{next(self._number)}{separator}{text}" for line, text in rows.items()}
+            places = list(self._places)
+        try:
+            if self.sweeps:
+                raise ValueError  # a name may look like a number
+            self._add(rows, None if separator == " " else separator, places)
+        except (ValueError, ArithmeticError):
+            cells = {line: self._plain(line, text) for line, text in rows.items()}
+            plain = {line: ",".join(each) for line, each in cells.items() if each}
+            self._add(plain, ",", range(len(places)))
+
+    def in_whole_seconds(self, stamp_ns: np.ndarray) -> tuple[np.ndarray, str] | None:
+        """Stamps of ``SEC.NANOSEC`` without leading zeros, ns, and a note; ``None`` if they are decimals.
+
+        Such fractions differ in length, have no leading zero, and as decimals they go back within a second.
+        """
+        if not self._texts or (at := _first_back(stamp_ns)) is None:
+            return None
+        parts = [text.partition(".")[::2] for text in self._texts.values()]
+        longest = max(len(fraction) for _, fraction in parts)
+        if longest > max(_SUBUNITS):
+            return None
+        digits = next(each for each in _SUBUNITS if each >= longest)
+        padded = [f"{second}.{fraction:0>{digits}}" for second, fraction in parts]
+        stamp_ns = self._times([padded])
+        if _first_back(stamp_ns) is not None:
+            return None
+        line, text = list(self._texts.items())[at - 1]
+        found = f"stamps look like SEC.{_SUBUNITS[digits]} without leading zeros (line {line}: {text}"
+        return stamp_ns, f"{found} is read as {padded[at - 1]})"
+
+    def _add(self, rows: Rows, separator: str | None, places: Sequence[int]) -> None:
+        """Add rows of numbers.
 
         Raises
         ------
-        ValueError
-            It cannot be read; without a reason, if it has none of the values and belongs to another series.
+        ValueError, ArithmeticError
+            A row has other cells, or too few.
         """
-        if not self.sweeps:
-            with suppress(ValueError, ArithmeticError, IndexError):
-                read = self._numbers([row[each] for each in self._indices])
-                self._are_numbered = True
-                return read
+        if not rows:
+            return
+        found = np.loadtxt(
+            list(rows.values()), self._kind, comments=None, delimiter=separator, usecols=places, ndmin=1,
+            quotechar='"', encoding=None,
+        )  # fmt: skip
+        texts = [found[f"stamp{place}"].tolist() for place in range(self._stamps)]
+        if not all(text.isascii() and "_" not in text for text in map("".join, texts)):
+            raise ValueError  # Decimal takes 1_000 and the digits of other scripts
+        stamp_ns, values = self._times(texts), found["values"]
+        is_valid = abs(stamp_ns) <= _MAX_STAMP_NS, abs(values[:, : self._required]) <= LARGEST_NUMBER
+        if len(values) < len(rows) or not all(map(np.all, is_valid)):
+            raise ValueError
+        self._are_numbered = not self.sweeps
+        self.stamp_ns.frombytes(stamp_ns.tobytes())
+        self.values.frombytes(values.tobytes())
+        if self._texts is not None:
+            self._texts |= dict(zip(rows, texts[0], strict=True))
+            self._texts = None if _LEADING_ZERO.search(" ".join(texts[0])) else self._texts
+
+    def _times(self, columns: Sequence[Sequence[str]]) -> np.ndarray:
+        """Stamps, ns, of the cells of their columns; a float would lose 0.2 us since 1970."""
+        offset_ns, factors = _NS * self._stamp.offset, [_NS * factor for factor in self._stamp.factors]
+        terms = [
+            [factor * Decimal(cell) for cell in cells] for factor, cells in zip(factors, columns, strict=True)
+        ]
+        each = terms[0] if len(terms) == 1 else map(sum, zip(*terms, strict=True))
+        return np.array([round(time_ns + offset_ns) for time_ns in each], np.int64)
+
+    def _plain(self, line: int, text: str) -> list[str]:
+        """The wanted cells of a row as plain numbers; empty if it is of another series, or cannot be read."""
+        try:
+            return self._as_numbers(cells_of(text, self._header.separator))
+        except ValueError as error:
+            if str(error):
+                self.lost, self.first = self.lost + 1, self.first or f"line {line}, {error}"
+            return []
+
+    def _as_numbers(self, row: Sequence[str]) -> list[str]:
+        """Raises why a row cannot be read; without a reason, if it has none of the values."""
+        row = [*("",) * (self._number is None), *row]
         names = self._header.names
-        if len(row) <= max(self._indices):
-            raise ValueError(f"expected {len(names)} cells, found {len(row)}")
-        cells = [row[each].strip() for each in self._indices]
+        if len(row) <= max(self._places):
+            raise ValueError(f"expected {len(names)} cells, found {len(row) - 1}")
+        cells = [row[each].strip() for each in self._places]
         if not any(cells[self._stamps :]):
             raise ValueError
         commas = self._header.separator != "," and "." not in "".join(cells)
@@ -193,21 +272,24 @@ class _Cells:
             _plain(quantity, cell.replace(",", ".") if commas else cell)
             for quantity, cell in zip(self._quantities, cells, strict=True)
         ]
-        named = self._named_sweep(cells, plain)
+        named, end = self._named_sweep(cells, plain), self._stamps + self._required
         for place, text in enumerate(plain):
-            if place != named and not _is_number(text, required=place < self._required):
+            if place != named and not _is_number(text, required=place < end):
                 found = repr(cells[place][:40]) if cells[place] else "an empty cell"
-                if not cells[place] and self._stamps <= place < self._required:
+                if not cells[place] and self._stamps <= place < end:
                     found += " (positions in rows of their own? pass the file by --poses too)"
                 if "," in cells[place]:
                     found += " (a decimal comma? write points, or separate by semicolons)"
                 if ":" in cells[place] and self._quantities[place] in STAMPS:
                     found += " (a date? write it like 2024-11-25 16:00:01.5)"
-                raise ValueError(f"column {names[self._indices[place]]}: expected a number, found {found}")
+                raise ValueError(f"column {names[self._places[place] - 1]}: expected a number, found {found}")
+        stamp = map(mul, map(Decimal, plain), self._stamp.factors)
+        if abs(time_s := sum(stamp, self._stamp.offset)) * _NS > _MAX_STAMP_NS:
+            raise ValueError(f"expected a stamp in s, found {float(time_s):.6g}{self._unit}")
         self._are_numbered = named is None
         if named is not None:
             plain[named] = str(self.sweeps.setdefault(cells[named], len(self.sweeps) + 1))
-        return self._numbers(plain)
+        return plain
 
     def _named_sweep(self, cells: Sequence[str], plain: Sequence[str]) -> int | None:
         """Place of the sweep's name in a row; ``None`` if it has a number, or is in the column of numbers."""
@@ -215,20 +297,13 @@ class _Cells:
             return None
         place = self._quantities.index(SWEEP)
         is_number = not self.sweeps and _is_number(plain[place], required=True)
-        return None if is_number or cells[place].lower() in (*_MISSING, "nan") else place
+        return None if is_number or cells[place].lower() in MISSING else place
 
-    def _numbers(self, cells: Sequence[str]) -> tuple[Decimal, list[float]]:
-        """Raises the exceptions of ``float`` and ``Decimal``, which take underscores and other digits too."""
-        if not (joined := "".join(cells)).isascii() or "_" in joined:
-            raise ValueError
-        # A float would lose 0.2 us since 1970.
-        time_s = sum(map(mul, map(Decimal, cells[: self._stamps]), self._stamp.factors), self._stamp.offset)
-        numbers = list(map(float, cells[self._stamps :]))
-        if not time_s.is_finite() or not all(
-            abs(each) <= LARGEST_NUMBER for each in numbers[: self._required - self._stamps]
-        ):
-            raise ValueError
-        return time_s, numbers
+
+def _first_back(stamp_ns: np.ndarray) -> int | None:
+    """The first of stamps that is before the last one and in the same second; ``None`` without."""
+    is_back = (np.diff(stamp_ns) < 0) & (np.diff(stamp_ns // _NS) == 0)
+    return int(np.argmax(is_back)) + 1 if is_back.any() else None
 
 
 def _plain(quantity: str, cell: str) -> str:
@@ -242,7 +317,7 @@ def _plain(quantity: str, cell: str) -> str:
             return str(Decimal(second) + Decimal(fraction.replace(",", ".") or 0))
     if quantity == FELT:
         cell = _FLAGS.get(cell.lower(), cell)
-    return "nan" if cell.lower() in _MISSING and quantity not in (SWEEP, *AXIS_NAMES) else cell
+    return "nan" if cell.lower() in MISSING and quantity not in (SWEEP, *AXIS_NAMES) else cell
 
 
 def _is_number(text: str, *, required: bool) -> bool:
@@ -252,27 +327,36 @@ def _is_number(text: str, *, required: bool) -> bool:
         return False
 
 
-def _indices(
-    path: Path, header: Sequence[str], needed: Mapping[str, Columns], naming: ColumnNaming, scene: Scene
+def _places(
+    path: Path, header: Header, needed: Mapping[str, Names], naming: ColumnNaming, scene: Scene
 ) -> list[int]:
-    """Places of the columns in the header, each of which there is once, and of each phalanx all."""
+    """Places of the columns in a row, from 1, each of which there is once, and of each phalanx all.
+
+    0 is that of the row's own number.
+    """
     channels = {phalanx.name: phalanx.channels for phalanx in scene.phalanges}
-    for name, found in phalanges_in(header, naming).items():
+    for name, found in phalanges_in(header.names, naming).items():
         if name in needed and found != channels[name]:
             raise ScanError(
                 f"{path}: expected {channels[name]} channels for phalanx {name} as in the scene, found "
                 f"{found} columns; write channels: {found} below {name} in the scene"
             )
+    places = []
     for quantity, columns in needed.items():
         for name in columns.names:
-            if name not in header:
+            place = header.place(name)
+            if place is None and name != ROW:
                 raise missing_column(path, header, quantity, naming, scene)
-            if header.count(name) > 1:
-                raise ScanError(f"{path}: expected one column {name!r}, found {header.count(name)}")
-    return [header.index(name) for columns in needed.values() for name in columns.names]
+            if (same := header.names.count(name)) > 1:
+                raise ScanError(
+                    f"{path}: expected one column {name!r}, found {same}; name it by its number, from 1: "
+                    f"column{header.names.index(name) + 1}"
+                )
+            places.append(0 if place is None else place + 1)
+    return places
 
 
-def in_other_unit(quantity: str, column: Columns) -> str:
+def in_other_unit(quantity: str, column: Names) -> str:
     """Advice on stamps that seem to be in another unit."""
     name = f"--column {quantity}={column.names[0]}"
     return f" (another unit? {name}*0.001 for ms, *1e-6 for us, *1e-9 for ns)"

@@ -11,11 +11,13 @@ from support.csv_files import HEADER, LINE, assert_four_rows, line_rows, write_c
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.csv.columns import (
     ColumnNaming,
+    MissingColumnError,
     load_naming,
     naming_from_dict,
     naming_from_pairs,
     naming_to_dict,
 )
+from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -86,6 +88,65 @@ def test_stamps_may_be_sums_shifted_dates_and_times_of_day(tmp_path, column, cel
     rows = [[*cells(n), *row[1:]] for n, row in enumerate(line_rows(4))]
     path = write_csv(tmp_path / "a.csv", ["sec", "nanosec", *HEADER[1:]], rows)
     assert_four_rows(read_csv(path, LINE, naming_from_pairs([f"stamp_s={column}"], ColumnNaming())))
+
+
+def test_rows_at_a_constant_rate_need_no_column_of_time(tmp_path):
+    rows = [row[1:] for row in line_rows(4)]
+    rows.insert(2, ["late", *rows[0][1:]])  # a row that cannot be read takes its time too
+    path = write_csv(tmp_path / "a.csv", HEADER[1:], rows)
+    for rate in ("row / 100 + 1", "row/100+1", "row * 0.01 + 1"):
+        recording = read_csv(path, LINE, naming_from_pairs([f"stamp_s={rate}"], ColumnNaming()))
+        assert "column x: expected a number, found 'late'" in recording.notes[0]
+        (sweep,) = recording.sweeps
+        assert (sweep.stamp_ns // 10**6).tolist() == [1000, 1010, 1030, 1040]
+        np.testing.assert_allclose(sweep.position[:, 0], [0, 0.001, 0.002, 0.003])
+    with pytest.raises(ScanError, match="--column 'stamp_s=row / RATE'"):
+        read_csv(path, LINE)
+    named = write_csv(tmp_path / "b.csv", ["row", *HEADER[1:]], line_rows(4))
+    assert_four_rows(read_csv(named, LINE, naming_from_pairs(["stamp_s=row"], ColumnNaming())))
+
+
+@pytest.mark.parametrize("separator", [",", ";", " ", "\t"])
+@pytest.mark.parametrize("before", ["", "# of a logger, version 2\n", "Logger 2\n\n"])
+def test_columns_without_names_are_given_by_number(tmp_path, separator, before):
+    """As ``ros2 topic echo --csv`` writes them."""
+    rows = [[1, 10_000_000 * n, "material", *row[1:]] for n, row in enumerate(line_rows(4))]
+    text = "\n".join(separator.join(map(str, row)) for row in rows)
+    if separator == ";":
+        text = text.replace(".", ",")
+    (tmp_path / "a.csv").write_text(before + text)
+    naming = ["stamp_s=column1 + column2 * 1e-9", "x=column4", "index=column5..12"]
+    assert_four_rows(read_csv(tmp_path / "a.csv", LINE, naming_from_pairs(naming, ColumnNaming())))
+    with pytest.raises(
+        MissingColumnError, match=r"no header \(line \d is numbers\): name columns by number"
+    ) as error:
+        propose_scene("own", [str(tmp_path / "a.csv")], ColumnNaming())
+    assert "stamp_s: column1 + column2 * 1e-9, finger: column4..9" in str(error.value)
+    assert "column3 (material)" in error.value.template
+    assert "proposed" not in error.value.template
+    with pytest.raises(MissingColumnError, match=r"stamp_s \(column13\)"):
+        read_csv(tmp_path / "a.csv", LINE, naming_from_pairs(["stamp_s=column13"], ColumnNaming()))
+
+
+def test_columns_of_one_name_are_given_by_number(tmp_path):
+    path = write_csv(
+        tmp_path / "a.csv", [*HEADER, "x"], [[*row[:1], "", *row[2:], row[1]] for row in line_rows(4)]
+    )
+    with pytest.raises(
+        ScanError, match=r"expected one column 'x', found 2; .* by its number, from 1: column2"
+    ):
+        read_csv(path, LINE)
+    assert_four_rows(read_csv(path, LINE, naming_from_pairs(["x=column11"], ColumnNaming())))
+
+
+def test_numbers_from_0_are_names(tmp_path):
+    """As pandas writes an array; no phalanx is proposed of them."""
+    path = write_csv(tmp_path / "a.csv", ["", *range(10)], [[n, *row] for n, row in enumerate(line_rows(4))])
+    for naming in (["stamp_s=0", "x=1", "index=2..9"], ["stamp_s=column2", "x=column3", "index=column4..11"]):
+        assert_four_rows(read_csv(path, LINE, naming_from_pairs(naming, ColumnNaming())))
+    with pytest.raises(MissingColumnError) as error:
+        propose_scene("own", [str(path)], ColumnNaming())
+    assert "proposed" not in error.value.template
 
 
 @pytest.mark.parametrize(

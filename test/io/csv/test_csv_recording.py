@@ -254,3 +254,32 @@ def test_an_implausible_period_is_reported_with_other_units(tmp_path, factor):
     rows = [[factor * 0.005 * n + 1, *row[1:]] for n, row in enumerate(line_rows(20))]
     note = read_csv(write_csv(tmp_path / "a.csv", HEADER, rows), LINE).notes[0]
     assert "s apart (another unit? --column stamp_s=stamp_s*0.001 for ms" in note
+
+
+@pytest.mark.parametrize("clock", ["since 1970", "irregular", "of the poses"])
+def test_points_at_rest_are_not_in_another_unit(tmp_path, clock):
+    rng = np.random.default_rng(4)
+    seconds = 3.0 * np.arange(40) + 1.7e9 * (clock == "since 1970")
+    seconds += np.cumsum(rng.uniform(0, 4, 40)) * (clock == "irregular")
+    rows = [[f"{second:.3f}", *row[1:]] for second, row in zip(seconds, line_rows(40), strict=True)]
+    poses = []
+    if clock == "of the poses":
+        place = [[0.02 * n, 0.001 * n] for n in range(6000)]
+        poses = [write_csv(tmp_path / "poses.csv", ["stamp_s", "x"], place)]
+    assert "unit" not in "".join(
+        read_csv(write_csv(tmp_path / "a.csv", HEADER, rows), LINE, poses=poses).notes
+    )
+
+
+def test_stamps_of_a_coarse_clock_are_reported_as_such(tmp_path):
+    rows = [[f"{n // 10 / 100:.2f}", *row[1:]] for n, row in enumerate(line_rows(1000))]
+    path = write_csv(tmp_path / "a.csv", HEADER, rows)
+    notes = read_csv(path, LINE).notes
+    assert notes[-1].startswith(
+        f"{path}: 900 of 1000 rows have the stamp of the row before: a clock of 0.01 s"
+    )
+    assert "apart (another unit" not in notes[-1]
+    naming = naming_from_pairs([notes[-1].split("'")[1]], ColumnNaming())
+    recording = read_csv(path, LINE, naming)
+    assert (len(recording), recording.notes) == (1000, ())
+    assert recording.sweeps[0].stamp_ns[-1] == pytest.approx(0.999e9, abs=1e7)

@@ -17,6 +17,7 @@ from tactile_localizer.io.csv.columns import (
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.status import MISSING
+from tactile_localizer.scene import Axis, Scene
 
 
 @pytest.mark.parametrize(
@@ -74,6 +75,61 @@ def test_a_strain_that_is_missing_is_nan_in_any_spelling(tmp_path, spelling):
     np.testing.assert_array_equal(np.isnan(sweep.strain[:, 2:4]), [[0, 0], [1, 0], [1, 0], [0, 1]])
     assert sweep.status[:, 0].tolist() == [0, MISSING, MISSING, MISSING]
     assert recording.notes == (f"{path}: no number in index_3 (2 of 4 rows), index_4 (1 of 4 rows)",)
+
+
+@pytest.mark.parametrize("cell", ["NA", "1e200", "late"])
+def test_a_cell_changes_no_other_row(tmp_path, cell):
+    """Many rows are read at once, and one by one where a cell is none or no number."""
+    rng = np.random.default_rng(3)
+    rows = [[f"{1.7e9 + n / 1000:.6f}", *rng.normal(size=9)] for n in range(20_000)]
+    whole = read_csv(
+        write_csv(tmp_path / "a.csv", HEADER, rows), Scene("wide", (Axis("x", -9, 9),), LINE.phalanges)
+    )
+    place = rng.integers(2, 10)
+    rows[12_345][place] = cell
+    partly = read_csv(
+        write_csv(tmp_path / "b.csv", HEADER, rows), Scene("wide", (Axis("x", -9, 9),), LINE.phalanges)
+    )
+    (sweep,), (other,) = whole.sweeps, partly.sweeps
+    kept = np.delete(np.arange(20_000), 12_345)
+    same = kept if cell == "late" else np.arange(20_000)
+    np.testing.assert_array_equal(other.stamp_ns, sweep.stamp_ns[same])
+    at = np.searchsorted(same, kept)
+    np.testing.assert_array_equal(other.strain[at], sweep.strain[kept])
+    np.testing.assert_array_equal(other.position, sweep.position[same])
+
+
+def test_a_line_of_text_between_rows_is_a_lost_row(tmp_path):
+    """Only directly behind the header it has the units."""
+    rows = line_rows(4)
+    (tmp_path / "a.csv").write_text(
+        as_text(rows=[["s", "m", *"V" * 8], *rows[:2], ["pause"] * 10, *rows[2:]])
+    )
+    recording = read_csv(tmp_path / "a.csv", LINE)
+    assert recording.lost == 1
+    (note,) = recording.notes
+    assert note.endswith("(first: line 5, column stamp_s: expected a number, found 'pause')")
+
+
+@pytest.mark.parametrize("clock", ["{sec}.{nanosec}", "2024-11-25 16:00:{sec:02}.{nanosec}"])
+@pytest.mark.parametrize("digits", [3, 6, 9])
+def test_a_fraction_without_its_zeros_is_read_as_meant(tmp_path, clock, digits):
+    """``f"{sec}.{nanosec}"`` writes 1 s and 20 ms as 1.20000000."""
+    rows = [[0, *row[1:]] for row in line_rows(400)]
+    for n, row in enumerate(rows):
+        row[0] = clock.format(sec=1 + n // 50, nanosec=n % 50 * 20 * 10 ** (digits - 3))
+    recording = read_csv(write_csv(tmp_path / "a.csv", HEADER, rows), LINE)
+    (sweep,) = recording.sweeps
+    assert (np.diff(sweep.stamp_ns) == 20_000_000).all()
+    (note,) = recording.notes
+    name = {3: "MILLISEC", 6: "MICROSEC", 9: "NANOSEC"}[digits]
+    assert f"a.csv: stamps look like SEC.{name} without leading zeros (line 6: " in note
+
+
+def test_decimals_of_any_length_that_go_back_are_another_run(tmp_path):
+    rows = [[f"{n % 70 / 100:g}", *row[1:]] for n, row in enumerate(line_rows(210))]
+    recording = read_csv(write_csv(tmp_path / "a.csv", HEADER, rows), LINE)
+    assert [len(sweep) for sweep in recording.sweeps] == [70, 70, 70]
 
 
 HEAD = ",".join(HEADER) + "\n"
