@@ -102,11 +102,18 @@ def standard_errors(
     measure: Callable[[Sequence[ReplayedSweep]], Row], sweeps: Sequence[ReplayedSweep]
 ) -> Row:
     """Standard errors of the means that ``measure`` returns, from the spread of the single sweeps."""
-    rows = [measure([sweep]) for sweep in sweeps]
-    values = {key: np.array([row[key] for row in rows], dtype=float) for key in rows[0]}
     return {
-        key: float(np.nanstd(each, ddof=1) / np.sqrt(np.isfinite(each).sum())) for key, each in values.items()
+        key: float(np.nanstd(each, ddof=1) / np.sqrt(np.isfinite(each).sum()))
+        for key, each in by_sweep(measure, sweeps).items()
     }
+
+
+def by_sweep(
+    measure: Callable[[Sequence[ReplayedSweep]], Row], sweeps: Sequence[ReplayedSweep]
+) -> dict[str, list[float]]:
+    """What ``measure`` returns of each sweep alone, by name; NaN where it is not defined."""
+    rows = [measure([sweep]) for sweep in sweeps]
+    return {key: [float(row[key]) for row in rows] for key in rows[0]}
 
 
 def on_unscanned(sweeps: Sequence[ReplayedSweep], name: str = "foreign") -> Row:

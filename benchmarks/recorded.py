@@ -6,7 +6,8 @@ A folder holds ``scene.yaml``, ``train.csv`` and ``test.csv``, and where there a
 ``foreign_*.csv``; each may end in ``.csv.gz``. Columns are ``stamp_s``, ``sweep``, the axes (m, rad), the
 channels ``<phalanx>_<number>`` (V) and ``felt``, 1 while in contact; without it, a sweep counts as in contact
 all the way. A localizer is built from ``train`` and tried on the other files, reset at the start of each
-sweep. Their positions are true: it gets their displacements with noise of the scene's ``motion_std``.
+sweep. Their positions are true, unless there are columns ``true_<axis>``: it gets their displacements with
+noise of the scene's ``motion_std``.
 
 A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``--gauge-noise``,
 ``--noisy-channel`` or ``--texture`` a variant of it, and has
@@ -36,8 +37,8 @@ A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``
     processor time of learning from the scan, s
 ``learned``
     what was learned from held-out sweeps, by name
-``standard_errors``
-    of the means over the sweeps, by name, from the spread of the single sweeps
+``standard_errors``, ``by_sweep``
+    of the means over the sweeps, by name, from the spread of the single sweeps; and the single values
 
 ``--passes 1 2`` uses the first and the second half of the training sweeps, a row each; ``both`` is the
 default. ``--lines K`` uses every K-th line. ``--odometry-noise K`` multiplies the noise of the displacements
@@ -65,6 +66,7 @@ import numpy as np
 from measures import (
     COLUMNS,
     Row,
+    by_sweep,
     ever_converged,
     falsely_converged,
     on_feature,
@@ -79,6 +81,7 @@ from rows import accuracy_parser, measured, print_rows
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import whiten
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
@@ -217,7 +220,7 @@ def learned_from(folder: Path, passes: str, lines: int, texture: float) -> Learn
         raise _missing(folder)
     scene = load_scene(folder / "scene.yaml")
     trained = with_passes(load_recording(train, scene), passes, lines)
-    visit_std = np.sqrt(whiten(scan_of(trained, scene), scene).noise.variance)
+    visit_std = np.sqrt(whiten(scan_of(trained, scene), scene, Material.SHEET).noise.variance)
     scan = scan_of(with_texture(trained, texture * visit_std), scene)
     began = time.process_time()
     calibration = learn(scan, scene)
@@ -282,6 +285,7 @@ def measure_folder(
             "memory": memory if np.isfinite(memory) else "constant",
         },
         "standard_errors": standard_errors(measures, sweeps),
+        "by_sweep": by_sweep(measures, sweeps),
     }
     if blank is not None:
         row["false_blank"] = ever_converged(replayed(blank, added, variant.texture))
@@ -289,6 +293,7 @@ def measure_folder(
     if foreign := [sweep for recording in others for sweep in recording]:
         row |= on_unscanned(foreign)
         row["standard_errors"] |= standard_errors(on_unscanned, foreign)
+        row["by_sweep"] |= by_sweep(on_unscanned, foreign)
     return [row]
 
 
@@ -306,8 +311,10 @@ def measure_variants(
 def localize(
     localizer: Localizer, recording: Recording, odometry_noise: float, seed: int
 ) -> list[ReplayedSweep]:
-    """Localize the sweeps of true positions by noisy displacements."""
+    """Localize the sweeps of true positions by noisy displacements, others by their own."""
     scene = localizer.scene
+    if all(sweep.truth is not None for sweep in recording.sweeps):
+        return replay(localizer, recording)
     axes = tuple(replace(axis, motion_std=odometry_noise * axis.motion_std) for axis in scene.axes)
     noisy = with_odometry(recording, replace(scene, axes=axes), np.random.default_rng([seed, 1]), SIMULATED)
     return replay(localizer, noisy)

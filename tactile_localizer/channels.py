@@ -60,7 +60,7 @@ class ChannelLayout:
 
     def expand(self, values: np.ndarray) -> np.ndarray:
         """Repeat one value per phalanx, (..., F), for each of its channels, (..., C)."""
-        return np.asarray(values)[..., self.phalanx]
+        return np.asarray(values).take(self.phalanx, axis=-1)
 
     def split(self, values: np.ndarray) -> list[np.ndarray]:
         """Split values (..., C) by phalanx into F arrays (..., channels of the phalanx)."""

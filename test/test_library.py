@@ -73,6 +73,18 @@ def test_the_readmes_replay_ends_as_it_says(replayed):
     assert replayed.splitlines()[-1].startswith(promised)
 
 
+def test_the_sweep_of_the_page_on_models_is_known_where_it_says(recorded, replayed, monkeypatch):
+    monkeypatch.chdir(recorded)
+    page = (ROOT / "docs/models.md").read_text()
+    (block,) = re.findall(r"the deviation is the belief's:\n\n((?:(?:    .*)?\n)+)", page)
+    with redirect_stdout(StringIO()) as printed:
+        exec(re.sub(r"(?m)^    ", "", block), {})
+    promised = re.findall(r"(?m)^    (\d+ mm): .*, (not converged|converged): ", page)
+    found = re.findall(r"(?m)^(\d+ mm): .*, (not converged|converged): ", printed.getvalue())
+    assert len(promised) == 8
+    assert promised == found[3:11]
+
+
 def test_a_recording_and_its_replay_go_to_pandas_in_ten_lines(recorded, replayed, monkeypatch):
     pd = pytest.importorskip("pandas")
     monkeypatch.chdir(recorded)

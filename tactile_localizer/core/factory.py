@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from tactile_localizer.core.calibration.calibration import Calibration
-from tactile_localizer.core.calibration.examination import UNEXAMINED, examine
+from tactile_localizer.core.calibration.examination import examine
 from tactile_localizer.core.calibration.registration import registration_std
 from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
@@ -17,8 +17,10 @@ from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.geometry.surroundings import surroundings
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.likelihood.base import MeasurementModel
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.user_defined import NamedModel
 from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.measurements import Measurements
 from tactile_localizer.core.plausibility import still_travel
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
@@ -63,13 +65,14 @@ def build_localizer(
     """
     say = progress or _silent
     scene = surroundings(scene, scan.positions_on(scene))
-    say("building the map" if calibration else "learning the noise", _LEARNED if calibration else 0.0)
-    learned = learn_sweep_model(scan, scene, calibration.variance if calibration else None)
+    learned = None
     if calibration is None:
-        calibration = _calibrated(scan, scene, learned, say)
+        calibration, learned = _calibrated(scan, scene, say)
+    say("building the map", _LEARNED)
+    learned = learned or learn_sweep_model(scan, scene, calibration.material, calibration.variance)
     position_model = _position_model(scan, scene, configuration, learned, calibration)
     limits = ScanRange.of(scan, scene), still_travel(scan, scene)
-    localizer = _assembled(learned, scene, configuration, calibration, rng, limits, None, position_model)
+    localizer = _assembled(learned, scene, configuration, calibration, rng, limits, position_model)
     say("ready", 1.0)
     return localizer
 
@@ -81,55 +84,61 @@ def _assembled(
     calibration: Calibration,
     rng: np.random.Generator,
     limits: tuple[ScanRange, np.ndarray],
-    quiet_energy: np.ndarray | None = None,
     position_model: tuple[MeasurementModel, float] | None = None,
 ) -> Localizer:
-    """A localizer with what was learned; ``quiet_energy`` (F,) is of the whole scan, if that is a part.
+    """A localizer with what was learned.
 
     ``limits`` are the scan's range, and the travel over which its channels repeat their strain.
     """
     cell = learned.cell(scene, configuration.cell)
     mixture = learned.mixture(scene, cell)
-    length = calibration.examination.information_length
-    if quiet_energy is None:
-        quiet_energy = learned.quiet_energy(mixture, length)
-    model, length = position_model or (None, length)
+    model, position_length = position_model or (None, None)
     return Localizer(
         scene,
         _build_filter(scene, configuration, cell, rng),
         mixture,
         model,
         Convergence(convergence_criteria(scene, configuration)),
-        configuration.update_distance,
-        length,
+        Measurements(
+            scene,
+            mixture.noise.white,
+            mixture.noise.variance,
+            *limits,
+            configuration.update_distance,
+        ),
+        calibration.examination.information_length,
         calibration.registration_std,
-        quiet_energy,
         Anchors(scene),
-        *limits,
+        position_length,
     )
 
 
-def _calibrated(scan: Scan, scene: Scene, learned: SweepModel, say: Progress) -> Calibration:
-    """Examine the scan, which gives the information length and the registration error."""
-    begun = 0.2 * _LEARNED
-    say("examining the scan by held-out sweeps", begun)
-    prior = Calibration(registration_std(scene), learned.variance)
-    whole = learned.mixture(scene, learned.cell(scene, _EXAMINED.cell))
-    quiet_energy = learned.quiet_energy(whole, UNEXAMINED)
-    still = still_travel(scan, scene)
+def _calibrated(scan: Scan, scene: Scene, say: Progress) -> tuple[Calibration, SweepModel]:
+    """What the examination of the scan shows, and the model of the kind that it chooses."""
+    prior, still, begun = registration_std(scene), still_travel(scan, scene), 0.2 * _LEARNED
+    say("learning the noise", 0.0)
+    # Of the level of a single sweep nothing is known.
+    kinds = list(Material) if len(scan.sweep_numbers) > 1 else [Material.CLOTH]
+    models = [learn_sweep_model(scan, scene, kind) for kind in kinds]
 
     def build(part: SweepModel, within: Scene) -> Localizer:
+        before = Calibration(prior, part.scan.material, part.variance)
         limits = ScanRange.of(scan, within), still
-        return _assembled(part, within, _EXAMINED, prior, np.random.default_rng(0), limits, quiet_energy)
+        return _assembled(part, within, _EXAMINED, before, np.random.default_rng(0), limits)
 
-    examination = examine(
+    say("examining the scan by held-out sweeps", begun)
+    chosen, examination = examine(
         scan,
-        learned,
+        models,
         build,
         lambda done: say("examining the scan by held-out sweeps", begun + (_LEARNED - begun) * done),
     )
+    model = models[chosen]
     right = [each for each in examination.on_map if each.right]
-    return Calibration(registration_std(scene, right), learned.variance, examination)
+    calibration = Calibration(
+        registration_std(scene, right), model.scan.material, model.variance, examination
+    )
+    return calibration, model
 
 
 def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibration:
@@ -138,9 +147,7 @@ def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibra
     The progress is a part of that of :func:`build_localizer`, which continues it.
     """
     say = progress or _silent
-    scene = surroundings(scene, scan.positions_on(scene))
-    say("learning the noise", 0.0)
-    return _calibrated(scan, scene, learn_sweep_model(scan, scene), say)
+    return _calibrated(scan, surroundings(scene, scan.positions_on(scene)), say)[0]
 
 
 def convergence_criteria(scene: Scene, configuration: Configuration) -> ConvergenceCriteria:

@@ -3,13 +3,14 @@
 Live nodes, replay and benchmarks share it.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from tactile_localizer.core.filters.base import BayesFilter, Prediction
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.geometry.anchors import Anchors, Injection
+from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.hypotheses.convergence import (
     Convergence,
@@ -20,26 +21,18 @@ from tactile_localizer.core.hypotheses.convergence import (
 from tactile_localizer.core.hypotheses.explanations import RELOCATION_DISTANCE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
-from tactile_localizer.core.likelihood.other_material import ENERGY_LENGTH, noise_factor
+from tactile_localizer.core.likelihood.gain import Gain
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.likelihood.white_noise import SweepNoise
-from tactile_localizer.core.plausibility import StampUnit, StuckGauges
-from tactile_localizer.core.scan.range import ScanRange
-from tactile_localizer.core.strain_mean import StrainMean
+from tactile_localizer.core.measurements import RECENT, Measurement, Measurements
 from tactile_localizer.core.weights import bayes
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
-UPDATE_PERIOD_NS = 8_000_000
-"""Least time between two measurement updates, ns, by their stamps. A hand that moves fast, as between sweeps,
-passes an update distance with every strain; an update for each would take longer than they take to come."""
+_SCATTERED = 2.0
+"""Standard deviations of the strain, in those of the scan, from which that is said. By judgement."""
 _CHANGED = 0.2
 """Relative change of the noise of a channel from which strains are whitened anew."""
-_ROUNDING = 1e-6
-"""Fraction by which rounding may shorten a travel. Else, where strains are an update distance apart, the
-origin of the arm's frame decides which of them lead to an update."""
-_SILENT = 1e9
-"""Noise of a channel that does not count, in variances of a visit."""
 
 
 class Estimate(NamedTuple):
@@ -91,16 +84,18 @@ class _Sweep(NamedTuple):
     ----------
     model : for the noise of the sweep
     trend : by which the sweep differs from the scan
+    gain : factor of its signal
+    scale : (F,) mean of its squared residuals, in those of the scan
     explanations : probabilities of what explains the strain
     strength_weights : (G, F) of the strengths of other material
-    mean_energy : (F,) of the innovations from featureless material
     """
 
     model: SweepMixture
     trend: Trend
+    gain: Gain
+    scale: np.ndarray
     explanations: Explanations
     strength_weights: np.ndarray
-    mean_energy: np.ndarray
 
 
 class Localizer:
@@ -117,13 +112,11 @@ class Localizer:
     model : what a place feels like
     position_model : another measurement model for the position; ``None``: ``model``
     convergence : decides when the position has converged
-    update_distance : m of travel between two measurement updates
+    measurements : makes a measurement of the strains of each update distance
     information_length : m of travel per independent measurement
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
-    quiet_energy : (F,) usual energy of the scan's innovations from featureless material
     anchors : trajectories that represent the whole map
-    scan_range : range of the scan's strains
-    still_travel : (C,) m over which each channel of the scan repeats its strain
+    position_length : information length of the ``position_model``, m; ``None``: that of ``model``
     """
 
     def __init__(
@@ -133,30 +126,23 @@ class Localizer:
         model: SweepMixture,
         position_model: MeasurementModel | None,
         convergence: Convergence,
-        update_distance: float,
+        measurements: Measurements,
         information_length: float,
         registration_std: np.ndarray,
-        quiet_energy: np.ndarray,
         anchors: Anchors,
-        scan_range: ScanRange,
-        still_travel: np.ndarray,
+        position_length: float | None = None,
     ) -> None:
         self.scene = scene
         self.filter = bayes_filter
         self.model = model
         self._position_model = position_model
         self._convergence = convergence
-        self._update_distance = update_distance
-        self.information_length = information_length
+        self.measurements = measurements
+        self.information_length, self._position_length = information_length, position_length
         self._registration = np.diag(registration_std**2)
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
-        self._gauges, self._range = StuckGauges(still_travel), scan_range
-        self._quiet_energy, self._anchors = quiet_energy, anchors
-        self._stamp_unit = StampUnit()
-        self._stamp_ns: int | None = None
-        self._updated_ns = 0
-        self._mean, self._noise = StrainMean(self._motion), SweepNoise(model.noise.white)
+        self._anchors = anchors
         self._belief: Belief | None = None
         self._restart()
 
@@ -192,11 +178,16 @@ class Localizer:
     def adjust(self, criteria: ConvergenceCriteria, update_distance: float) -> None:
         """Change the thresholds of convergence and the update distance; the belief stays."""
         self._convergence.criteria = criteria
-        self._update_distance = update_distance
+        self.measurements.update_distance = update_distance
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """States (P, d) and weights (P,) behind the last estimate, for display."""
         return self.filter.hypotheses()
+
+    @property
+    def converged(self) -> bool:
+        """Whether the position has converged."""
+        return self._convergence.converged
 
     @property
     def criteria(self) -> ConvergenceCriteria:
@@ -211,12 +202,12 @@ class Localizer:
     @property
     def spikes(self) -> dict[str, int]:
         """Number of single values far off that were left out, by the gauge's name, such as ``index_3``."""
-        return self._gauge_names(self._noise.spikes)
+        return self._gauge_names(self.measurements.spikes)
 
     @property
     def out_of_range(self) -> float:
         """Fraction of the recent strains that are outside the range of the scan."""
-        return self._outside
+        return self.measurements.outside
 
     @property
     def explanations(self) -> Explanations:
@@ -247,60 +238,46 @@ class Localizer:
                 f"position: expected {self.scene.dimension} finite numbers, got {position}"
             )
         strain, here = checked(strain, self.scene.layout, present)
-        self._stamp_unit.check(stamp_ns, position)
-        if self._stamp_ns is not None and stamp_ns < self._stamp_ns:
+        if self.measurements.goes_back(stamp_ns, position):
             self.reset()
-        self._stamp_ns = stamp_ns
-        kept = self._noise.observe(strain, self.scene.layout.expand(here), self._mean.step(position))
-        self._mean.add(position, kept, here)
-        updated = self._belief is None or (
-            self._mean.travel >= (1.0 - _ROUNDING) * self._update_distance
-            and stamp_ns - self._updated_ns >= UPDATE_PERIOD_NS
-        )
-        if updated:
-            self._updated_ns = stamp_ns
-            self._measure(strain, here)
-        return self._estimate(stamp_ns, updated)
+        measurement = self.measurements.observe(stamp_ns, position, strain, here)
+        if measurement is not None:
+            self.measure(measurement)
+        return self._estimate(stamp_ns, measurement is not None)
 
     def _restart(self) -> None:
-        for part in (self._convergence, self._gauges, self._anchors, self._mean, self._noise):
+        for part in (self._convergence, self._anchors, self.measurements):
             part.reset()
         anchors = len(self._anchors)
         # The first prediction has no ancestors: all trajectories begin at the anchors.
         self._sweep = _Sweep(
             model=self.model,
             trend=self.model.drift.start(1 + anchors),
+            gain=Gain.start(len(self.scene.phalanges), 1 + anchors, self.model.gain_variance),
+            scale=np.ones(len(self.scene.phalanges)),
             explanations=Explanations.start(anchors),
             strength_weights=self.model.other.start(),
-            mean_energy=self._quiet_energy,
         )
-        self._stamp_unit.reset()
-        self._stamp_ns = None
-        self._updated_ns = 0
         self._belief = None
-        self._travel = self._outside = 0.0
+        self._travel = 0.0
         self._updates = 0
         self._log_likelihoods = np.full(2, np.nan)
 
-    def _measure(self, raw: np.ndarray, present: np.ndarray) -> None:
+    def measure(self, measurement: Measurement) -> Belief:
         """The measurement update: predicted belief, likelihoods, posterior, explanations, decision.
 
-        The ``raw`` strain (C,) is the last one. Compared with the map is the mean strain since the last
-        update, whitened, and of it the innovation, which the trend of the sweep does not predict.
+        Returns the belief, at the mean position of the strains.
+
+        Compared with the map is the mean strain since the last update, whitened, and of it the innovation,
+        which the trend of the sweep does not predict.
         """
-        mean_strain, displacement = self._mean.take()
-        travel = self._motion.travel(displacement)
-        update_travel = max(travel, self._update_distance)
-        self._gauges.observe(raw, self.scene.layout.expand(present), travel)
-        working = self._working(present)
-        used, exponent = self.scene.layout.any(working), min(1.0, update_travel / self.information_length)
-        outside = float(self._range.strains_outside(raw, used))
-        self._updates += 1  # at first the mean is over all strains, so that a spike is only one of them
-        share = max(min(1.0, travel / ENERGY_LENGTH), 1.0 / self._updates)
-        self._outside += share * (outside - self._outside)
+        mean_strain, displacement, travel, _, used, excess, outside = measurement
+        update_travel = max(travel, self.measurements.update_distance)
+        exponent = min(1.0, update_travel / self.information_length)
+        self._updates += 1
 
         prediction, sweep = self._predict(displacement, travel)
-        model = self._with_noise(sweep.model, working)
+        model = self._with_noise(sweep.model, excess)
         states = len(prediction.states)
         places = np.concatenate([prediction.states, self._anchors.states])
         nodes, map_strain = model.map_at(places)
@@ -308,20 +285,24 @@ class Localizer:
             sweep.trend, mean_strain, places, map_strain, prediction.weights, update_travel, exponent
         )
         off_map, level_variance = model.off_map(innovation)
-        mean_energy, factor = noise_factor(
-            sweep.mean_energy, model.other.energy(off_map, level_variance), self._quiet_energy, update_travel
-        )
-        likelihoods = model.on_map(nodes, states, innovation, factor, used)
-        at_states, at_anchors = likelihoods[:states], likelihoods[states:]
+        gain = sweep.gain.predicted(update_travel, model.gain_variance)
+        on_map = model.on_map(nodes, states, innovation, gain, sweep.scale, used)
+        at_states, at_anchors = on_map.states, on_map.anchors
         other, strength_weights = model.other.update(
-            sweep.strength_weights, off_map, level_variance, factor, used, update_travel, exponent
+            sweep.strength_weights, off_map, level_variance, used, update_travel, exponent
         )
-        position = at_states
+        position = on_map.position
         if self._position_model is not None:
             position = self._position_likelihood(prediction, innovation, mean_strain, used)
 
-        belief = self.filter.update(exponent * position)
-        tracked = bayes(prediction.weights, exponent * at_states)[1] / exponent
+        own = exponent
+        if self._position_length is not None:
+            own = min(1.0, update_travel / self._position_length)
+        belief = self.filter.update(own * position)
+        tracked = belief.log_marginal
+        if position is not at_states:
+            tracked = bayes(prediction.weights, exponent * at_states)[1]
+        tracked /= exponent
         far = self._motion.travels(self._anchors.states - belief.mean) > RELOCATION_DISTANCE
         explanations = sweep.explanations.update(
             update_travel,
@@ -329,44 +310,46 @@ class Localizer:
             exponent * (other - tracked),
         )
 
-        self._sweep = _Sweep(model, trend, explanations, strength_weights, mean_energy)
+        gain = gain.updated(on_map.information, on_map.product, exponent)
+        share = max(min(1.0, update_travel / RECENT), 1.0 / self._updates)
+        # Weighted as a whole measurement: a belief that is still open also holds places that misfit.
+        fitting = bayes(prediction.weights, on_map.position)[0]
+        scale = sweep.scale + share * (on_map.squared @ fitting - sweep.scale)
+        self._sweep = _Sweep(model, trend, gain, scale, explanations, strength_weights)
         self._belief = belief
         volume = float(model.noise.log_volume[used].sum())
         self._log_likelihoods = np.array([tracked, other]) + volume
         self._travel += travel
-        self._decide(prediction.states, self.filter.weights(), belief, travel)
+        self._decide(prediction.states, self.filter.weights(), belief, travel, outside)
+        return belief
 
-    def _with_noise(self, model: SweepMixture, working: np.ndarray) -> SweepMixture:
-        """The model for the noise of the sweep: that of before, or a new one where it changed by a fifth.
-
-        A channel that is not ``working`` (C,) is all noise.
-        """
+    def _with_noise(self, model: SweepMixture, excess: np.ndarray) -> SweepMixture:
+        """The model for the noise of the sweep: that of before, or a new one where it changed by a fifth."""
         usual = self.model.noise.variance
-        excess = np.minimum(self._noise.excess(self._update_distance), _SILENT * usual)
-        # Channels are whitened together: one that does not count is one that is all noise.
-        excess = np.where(working, excess, _SILENT * usual)
         changed = np.abs(excess - model.excess) > _CHANGED * (usual + model.excess)
         return self.model.with_noise(excess) if changed.any() else model
 
     def _predict(self, displacement: np.ndarray, travel: float) -> tuple[Prediction, _Sweep]:
         """The predicted belief, and what is known of the sweep along its trajectories."""
         sweep, anchors = self._sweep, self._anchors
-        anchors.move(displacement)
-        injection = None
-        if sweep.explanations.injection:
-            injection = Injection(sweep.explanations.injection, anchors, sweep.explanations.anchor_weights)
-        prediction = self.filter.predict(displacement, travel, injection)
-        explanations = sweep.explanations.predict(travel, prediction.left)
+        lost = anchors.move(displacement)
+        # The first prediction has one trajectory, of all states.
+        weights = self.filter.weights() if self._updates > 1 else np.ones(1)
+        injected = sweep.explanations.injected
+        prediction = self.filter.predict(displacement, travel, injected)
+        explanations = sweep.explanations.predict(travel, prediction.left, lost)
         before = len(sweep.trend.map_level) - len(anchors)
-        if injection is None and np.array_equal(prediction.ancestors, np.arange(before)):
+        if not injected and np.array_equal(prediction.ancestors, np.arange(before)):
             return prediction, sweep._replace(explanations=explanations)
-        # The trajectories of the anchors follow those of the states; new states begin from them.
+        # The trajectories of the anchors follow those of the states; a hand placed elsewhere was tracked.
         ancestors = np.concatenate([prediction.ancestors, before + np.arange(len(anchors))])
-        trend, new = sweep.trend.followed(ancestors), (prediction.continued < 1.0).nonzero()[0]
+        trend, gain = sweep.trend.followed(ancestors), sweep.gain.followed(ancestors)
+        new = (prediction.continued < 1.0).nonzero()[0]
         if len(new):
-            begun = before + anchors.index(prediction.states[new])
-            trend = trend.mixed(new, sweep.trend.followed(begun), 1.0 - prediction.continued[new])
-        return prediction, sweep._replace(trend=trend, explanations=explanations)
+            fraction = 1.0 - prediction.continued[new]
+            trend = trend.mixed(new, sweep.trend.averaged(weights), fraction)
+            gain = gain.mixed(new, sweep.gain.averaged(weights), fraction)
+        return prediction, sweep._replace(trend=trend, gain=gain, explanations=explanations)
 
     def _position_likelihood(
         self, prediction: Prediction, innovation: Innovation, mean_strain: np.ndarray, used: np.ndarray
@@ -375,39 +358,37 @@ class Localizer:
         assert self._position_model is not None
         trend = prediction.weights @ innovation.map_trend[: len(prediction.states)]
         level_out = self.model.in_volts(mean_strain, innovation.of_strain + innovation.turned + trend)
-        strain = self.model.material.mixed(level_out, mean_strain)
+        strain = level_out if self.model.material is Material.SHEET else mean_strain
         return self._position_model.log_likelihood(prediction.states, strain, used)
 
-    def _decide(self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float) -> None:
-        """Whether the position has converged."""
-        explanations = self._sweep.explanations
+    def _decide(
+        self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float, outside: float
+    ) -> None:
+        """Whether the position has converged.
+
+        A fraction ``outside`` of the recent strains is out of the scan's range, which says nothing where the
+        level of a sweep wanders.
+        """
+        explanations, contradiction = self._sweep.explanations, ""
+        if outside > 0.5 and self.model.material is Material.SHEET:
+            contradiction = f"{outside:.0%} of the strains are outside the range of the scan"
         away = self._motion.displacement(belief.mean, states)
         radius, registration = self._convergence.criteria.radius, self._registration.diagonal()
         near = probability_within(away, weights, radius, registration)
-        self._convergence.update(
-            near, explanations.tracked, explanations.other, travel, self._contradiction()
-        )
+        self._convergence.update(near, explanations.tracked, explanations.other, travel, contradiction)
 
-    def _working(self, present: np.ndarray) -> np.ndarray:
-        """Channels (C,) of the phalanges ``present`` (F,) that are not stuck; all, where none is left."""
-        channels = self.scene.layout.expand(present)
-        working = channels & ~self._gauges.stuck
-        return working if working.any() else channels
-
-    def _contradiction(self) -> str:
-        """What is known to contradict the map, in words; empty: nothing.
-
-        Where the level of a sweep wanders, the range of the scan's says nothing.
-        """
-        if self._outside > 0.5 and self.model.material.sheet > 0.5:
-            return f"{self._outside:.0%} of the strains are outside the range of the scan"
-        return ""
+    def _scatter(self) -> str:
+        """That the strain differs from the map by more than in the scan, to be added to a reason."""
+        scatter = math.sqrt(float(self._sweep.scale.max()))
+        if scatter < _SCATTERED:
+            return ""
+        return f"; strain scatters {scatter:.2g} times as much as in the scan (force?)"
 
     def _stuck_gauges(self) -> str:
         """The gauges that stand still, to be added to a reason."""
-        if not self._gauges.stuck.any():
+        if not self.measurements.stuck.any():
             return ""
-        names = list(self._gauge_names(self._gauges.stuck))
+        names = list(self._gauge_names(self.measurements.stuck))
         return f"; {', '.join(names)} {'stand' if len(names) > 1 else 'stands'} still"
 
     def _gauge_names(self, channels: np.ndarray) -> dict[str, int]:
@@ -421,14 +402,14 @@ class Localizer:
     def _reason(self, travel: float) -> str:
         """Why the position has converged or not; before the hand moves, there is no other reason."""
         convergence = self._convergence
-        if convergence.state is State.SEARCHING and travel < self._update_distance:
+        if convergence.state is State.SEARCHING and travel < self.measurements.update_distance:
             return f"not converged: {1e3 * travel:.1f} mm travelled"
         return convergence.reason
 
     def _estimate(self, stamp_ns: int, updated: bool) -> Estimate:
         belief = self._belief
         assert belief is not None
-        pending = self._mean.pending
+        pending = self.measurements.pending
         travel = self._motion.travel(pending)
         covariance = belief.covariance + self._registration + travel * self._noise_per_metre
         convergence = self._convergence
@@ -439,12 +420,12 @@ class Localizer:
             covariance=covariance,
             trace=sum(covariance.ravel().tolist()[:: len(covariance) + 1]),
             state=convergence.state,
-            reason=self._reason(self._travel + travel) + self._stuck_gauges(),
+            reason=self._reason(self._travel + travel) + self._scatter() + self._stuck_gauges(),
             probability=convergence.probability,
             on_map=self._sweep.explanations.on_map,
             log_marginal=log_marginal,
             log_other=log_other,
-            consistent=~self.scene.layout.any(self._gauges.stuck),
+            consistent=~self.scene.layout.any(self.measurements.stuck),
             effective_sample_size=belief.effective_sample_size,
             hypotheses=belief.hypotheses,
             travel=self._travel + travel,

@@ -26,13 +26,18 @@ def describe_examination(scene: Scene, examination: Examination) -> list[str]:
     lines = [
         f"{len(on_map)} trials of {counted(_sweeps(on_map), 'held-out sweep')}: "
         f"{sum(each.right for each in on_map)} right at the end, "
-        f"{sum(each.wrong for each in on_map)} ever wrong, {never} never converged"
+        f"{sum(each.wrong for each in on_map)} ever wrong, "
+        f"{sum(each.lost for each in on_map)} converged and lost again, {never} never converged"
     ]
     if len(examination.error):
         lines.append(f"error of those: {describe_sizes(scene, examination.error)}")
     if off_map:
         wrong = sum(each.converged for each in off_map)
         lines.append(f"{len(off_map)} trials on material that is not on the map: {wrong} ever converged")
+    lines.append(
+        "they are of the force and the session of the scan: to see what another force or day costs, replay "
+        "some sweeps that were recorded with another grip"
+    )
     lines.append(
         f"score {examination.score:.2f} (0: sure and right; {examination.ignorance:.2f}: no better than "
         f"ignorance), information length {examination.information_length * MM:.1f} mm"
@@ -65,6 +70,14 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
                     f"{factor * extent:.3g} {unit}: nothing that was scanned distinguishes places along it; "
                     f"scan something that does, or name {listed(known)} alone in the scene"
                 )
+    converged = sum(each.converged for each in on_map)
+    if observed.any() and (2 * converged < len(on_map) or examination.score < examination.ignorance):
+        alike = np.abs([each.alike for each in on_map if each.alike])
+        why = "the sweeps differ from each other by as much as places do"
+        if 2 * len(alike) > len(on_map) - converged:
+            apart = describe_sizes(scene, np.median(alike, axis=0))
+            why = f"places that are {apart} apart feel alike, until something else is felt"
+        found.append(f"only {converged} of {counted(len(on_map), 'trial')} converged: {why}")
     if wrong := sorted({each.sweep + 1 for each in on_map if each.wrong}):
         found.append(f"converged at a wrong place in the examination: sweep {listed(map(str, wrong))}")
     false = sum(each.converged for each in examination.off_map)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from tactile_localizer.core.geometry.motion import MotionModel
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.offline.replay import ReplayedSweep
@@ -86,7 +87,7 @@ def with_contact(recording: Recording, model: SweepMixture) -> Recording:
     recording : recording with the axes and phalanges of the model
     model : measurement model of the localizer
     """
-    if model.material.sheet < 0.5:
+    if model.material is Material.CLOTH:
         return recording
     signal = np.einsum("mk,mkc->mc", np.exp(model.map.log_prior), model.map.mean)
     on_feature = np.max(model.noise.layout.mean(signal**2), axis=1) > 1.0

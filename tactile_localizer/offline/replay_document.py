@@ -9,6 +9,7 @@ import numpy as np
 
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
@@ -56,11 +57,14 @@ class Evaluation:
 
 def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) -> dict[str, str]:
     """What was learned from a scan, by name, with units; the noise is in the unit of the scan's strain."""
-    memory, sheet = model.drift.memory, model.material.sheet
-    kinds = {0.0: "textured, or under a force that wanders", 1.0: "featureless between features"}
+    memory = model.drift.memory
+    kinds = {
+        Material.CLOTH: "textured, or under a force that wanders",
+        Material.SHEET: "featureless between features",
+    }
     noise = np.sqrt(model.noise.variance)
     return {
-        "material": kinds.get(sheet, f"in between: {100.0 * sheet:.0f} % of a sheet, the rest cloth"),
+        "material": kinds[model.material],
         "information length": f"{calibration.examination.information_length * MM:.1f} mm",
         "memory of the level": f"{memory * MM:.0f} mm" if memory < 1.0 else "constant",
         "noise of a channel": f"{np.median(noise):.2g} ({noise.min():.2g} to {noise.max():.2g})",

@@ -42,6 +42,7 @@ class Verdict:
     right : sweeps that are right
     wrong : sweeps that were ever wrong
     early : sweeps that converged before contact, or without any
+    lost : of the expected sweeps, those that were never wrong, and are not converged at their end any more
     never : of the expected sweeps, those that never converged
     has_truth : whether the true positions of any sweep are known
     notes : a line for each expected sweep that is not right, with the reason
@@ -52,6 +53,7 @@ class Verdict:
     right: int
     wrong: int
     early: int
+    lost: int
     never: int
     has_truth: bool
     notes: tuple[str, ...]
@@ -68,7 +70,9 @@ class Verdict:
             f"{'localized' if self.success else 'NOT localized'}: "
             f"{self.right} of {counted(self.expected, 'sweep')} "
             f"{'right' if self.has_truth else 'converged'}, {self.wrong} ever wrong, "
-            f"{self.early} converged early, {self.never} never"
+            f"{self.lost} converged and lost again, {self.never} never converged"
+            + f"; {self.early} converged before contact"
+            * (self.early > 0)
         )
 
 
@@ -91,6 +95,7 @@ def judge(sweeps: Sequence[ReplayedSweep]) -> Verdict:
         right=count[Outcome.RIGHT],
         wrong=count[Outcome.WRONG],
         early=early,
+        lost=count[Outcome.LOST],
         never=count[Outcome.NEVER],
         has_truth=any(sweep.truth is not None for sweep in sweeps),
         notes=tuple(notes),

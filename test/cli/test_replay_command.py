@@ -99,7 +99,7 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
     assert found["verdict"] == {
         "success": True,
         **dict.fromkeys(("sweeps", "expected", "right"), 2),
-        **dict.fromkeys(("wrong", "early", "never"), 0),
+        **dict.fromkeys(("wrong", "early", "lost", "never"), 0),
         "has_truth": True,
         "notes": [],
     }

@@ -13,6 +13,7 @@ from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.sweep_model import learn_sweep_model
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -193,10 +194,10 @@ def test_a_slow_wave_of_the_map_is_not_expected_of_other_material() -> None:
     """It is in no innovation."""
     plain, found = cloth_scan(), []
     for scan in (plain, replace(plain, strain=plain.strain + 5.0 * plain.states)):
-        learned = learn_sweep_model(scan, SCENE)
+        learned = learn_sweep_model(scan, SCENE, Material.CLOTH)
         other = learned.mixture(SCENE, learned.cell(SCENE, 1.0)).other
         log_likelihood, _ = other.update(
-            other.start(), np.full(16, 3.0), np.zeros(2), np.ones(2), np.ones(2, bool), 0.0005, 1.0
+            other.start(), np.full(16, 3.0), np.zeros(2), np.ones(2, bool), 0.0005, 1.0
         )
         found.append(log_likelihood)
     assert found[1] == pytest.approx(found[0], abs=0.5)

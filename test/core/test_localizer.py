@@ -13,12 +13,14 @@ from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.hypotheses.explanations import RELOCATION_DISTANCE
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.errors import MeasurementError
 
 OF = scene()
 SCAN = line_scan(np.random.default_rng(0), OF)
 CALIBRATION = Calibration(np.full(2, 4e-4), examination=Examination(0.0017))
 """Given, so that no test waits for it to be learned."""
+ON_SHEET = CALIBRATION._replace(material=Material.SHEET)
 ANYWHERE = np.array([3.0, -2.0])
 """Where the arm's frame has its origin, seen from the material."""
 
@@ -203,7 +205,7 @@ def test_the_flag_includes_the_registration_error(std):
 def test_a_sure_belief_has_the_likelihood_of_its_place_whatever_the_tempering():
     found, corner = [], np.array([0.004, 0.045])
     for update_distance in (0.0005, 0.005):
-        localizer = build(bump_scan(OF), update_distance=update_distance)
+        localizer = build(bump_scan(OF), ON_SHEET, update_distance=update_distance)
         localizer.seed(corner, np.full(2, 1e-4))
         estimate = localizer.update(0, corner, np.full(16, 0.7))
         found.append(estimate.log_marginal)
@@ -270,7 +272,7 @@ def test_a_seed_that_is_no_place_is_refused_and_the_belief_untouched(localizer, 
 
 @pytest.mark.parametrize("factor", [1000.0, 0.001])
 def test_strains_in_another_unit_never_converge(factor):
-    localizer = build(bump_scan(OF, offsets=1.0))
+    localizer = build(bump_scan(OF, offsets=1.0), ON_SHEET)
     along = np.arange(0.004, 0.046, 0.0005)
     for stamp, x in enumerate(along):
         place = np.array([x, 0.0251])

@@ -15,14 +15,17 @@ from support.models import noise_model
 
 from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.geometry.anchors import Anchors, Injection
+from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.hypotheses.explanations import Explanations
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
+from tactile_localizer.core.likelihood.gain import Gain
 from tactile_localizer.core.likelihood.material import Material
-from tactile_localizer.core.likelihood.other_material import ENERGY_LENGTH
+from tactile_localizer.core.likelihood.sweep_mixture import OnMap
 from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.measurements import RECENT, Measurements
 from tactile_localizer.core.scan.range import ScanRange
+from tactile_localizer.core.weights import bayes
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 LINE = Scene(
@@ -30,7 +33,8 @@ LINE = Scene(
 )
 LAYOUT, STEP, LENGTH = LINE.layout, 0.001, 0.004
 STATES = np.array([[0.02], [0.05], [0.08]])
-QUIET = np.array([1.0, 2.0])
+POSITION = np.array([-4.0, -6.0, -8.0])
+"""Log-likelihoods of the states by the variance of the sweep."""
 FAR = math.log(1e9)
 
 
@@ -40,14 +44,14 @@ class FilterByHand:
     def __init__(self) -> None:
         self.ancestors, self.continued, self.left = np.arange(3), np.ones(3), 0.0
         self.prior = np.array([0.5, 0.3, 0.2])
-        self.predicted: list[tuple[np.ndarray, float, Injection | None]] = []
+        self.predicted: list[tuple[np.ndarray, float, float]] = []
         self.likelihoods: list[np.ndarray] = []
 
     def reset(self) -> None:
         """Nothing to forget."""
 
-    def predict(self, displacement: np.ndarray, travel: float, injection: Injection | None) -> Prediction:
-        self.predicted.append((displacement, travel, injection))
+    def predict(self, displacement: np.ndarray, travel: float, injected: float) -> Prediction:
+        self.predicted.append((displacement, travel, injected))
         return Prediction(STATES, self.prior, self.ancestors, self.continued, self.left)
 
     def update(self, log_likelihood: np.ndarray) -> Belief:
@@ -59,15 +63,15 @@ class FilterByHand:
 
 
 class ModelByHand:
-    """Records its arguments by method; ``energy``, ``at_anchors`` and ``other_log`` are set by the test."""
+    """Records its arguments by method; the test sets the rest, of which the information is by trajectory."""
 
     def __init__(self, record: dict[str, list[Any]] | None = None) -> None:
         self.record = record if record is not None else {}
-        self.noise, self.material = noise_model(LAYOUT), Material(1.0)
-        self.excess = np.zeros(4)
-        self.energy, self.other_log, self.at_anchors = np.array([1.0, 2.0]), 0.0, 0.0
+        self.noise, self.material = noise_model(LAYOUT), Material.SHEET
+        self.excess, self.gain_variance = np.zeros(4), 0.1
+        self.squared, self.other_log, self.at_anchors = np.ones((2, 3)), 0.0, 0.0
         self.drift = SimpleNamespace(start=self._start)
-        self.other = SimpleNamespace(start=lambda: np.zeros((7, 2)), energy=self._energy, update=self._other)
+        self.other = SimpleNamespace(start=lambda: np.zeros((7, 2)), update=self._other)
 
     def given(self, name: str) -> Any:
         """What a method was given last."""
@@ -80,10 +84,6 @@ class ModelByHand:
         """The trend of each trajectory is its number."""
         numbered = np.arange(count, dtype=np.float32)[:, None] + np.zeros((1, 4), dtype=np.float32)
         return Trend(0.0, np.zeros(4), np.zeros(4), numbered, -numbered)
-
-    def _energy(self, innovation: np.ndarray, level_variance: np.ndarray) -> np.ndarray:
-        self._note("energy", innovation, level_variance)
-        return self.energy
 
     def _other(self, *given: Any) -> tuple[float, np.ndarray]:
         self._note("other", *given)
@@ -108,27 +108,33 @@ class ModelByHand:
     def off_map(self, innovation: Innovation) -> tuple[np.ndarray, np.ndarray]:
         return innovation.of_strain + 1.0, np.array([0.1, 0.2])
 
-    def on_map(self, *given: Any) -> np.ndarray:
+    def on_map(self, *given: Any) -> OnMap:
         self._note("on_map", *given)
         nodes, states = given[:2]
-        return np.concatenate([[-1.0, -2.0, -3.0], np.full(len(nodes) - states, self.at_anchors)])
+        information = np.ones((2, 1)) * np.arange(len(nodes))
+        return OnMap(
+            np.array([-1.0, -2.0, -3.0]),
+            np.full(len(nodes) - states, self.at_anchors),
+            POSITION,
+            self.squared,
+            information,
+            -0.5 * information,
+        )
 
 
 def localizer(still: float = np.inf) -> Localizer:
     wide = ScanRange(LAYOUT, np.full(4, -1e6), np.full(4, 1e6), np.ones(1))
+    noise = noise_model(LAYOUT)
     return Localizer(
         LINE,
         FilterByHand(),
         ModelByHand(),
         None,
         Convergence(ConvergenceCriteria(np.array([0.0075]))),
-        STEP,
+        Measurements(LINE, noise.white, noise.variance, wide, np.full(4, still), STEP),
         LENGTH,
         np.array([1e-4]),
-        QUIET,
         Anchors(LINE),
-        wide,
-        np.full(4, still),
     )
 
 
@@ -142,19 +148,30 @@ def move(of: Localizer, steps: int = 1, strain: np.ndarray | None = None, step: 
     return estimate
 
 
-def test_one_noise_factor_of_the_sweep_counts_on_the_map_and_off_it() -> None:
-    """Energy is averaged over a feature's length, from its usual value on; less noise than usual is usual."""
-    of = localizer()
-    of.model.energy = np.array([21.0, 0.5])
-    move(of)
-    mean = QUIET + STEP / ENERGY_LENGTH * (of.model.energy - QUIET)
-    for _ in range(3):
-        expected = np.maximum(mean / QUIET, 1.0)
-        assert expected[0] > 1.0
-        np.testing.assert_allclose(of.model.given("on_map")[3], expected)
-        np.testing.assert_allclose(of.model.given("other")[3], expected)
-        mean = mean + STEP / ENERGY_LENGTH * (of.model.energy - mean)
+def test_the_scale_of_a_sweep_is_the_mean_of_its_recent_squared_residuals() -> None:
+    """Of a whole measurement; at first over all of them, then over a feature's length."""
+    of, scale, (fitting, _) = localizer(), np.ones(2), bayes(np.array([0.5, 0.3, 0.2]), POSITION)
+    for n in range(1, round(2.0 * RECENT / STEP)):
+        of.model.squared = np.array([[n, 2.0 * n, 0.0], [0.5, 0.5, 0.5]])
         move(of)
+        np.testing.assert_allclose(of.model.given("on_map")[4], scale)
+        mean = of.model.squared @ fitting
+        scale = scale + max(STEP / RECENT, 1.0 / n) * (mean - scale)
+
+
+def test_the_gain_of_each_trajectory_takes_in_its_own_residuals() -> None:
+    of, fraction = localizer(), STEP / LENGTH
+    move(of)
+    start = of.model.given("on_map")[3]
+    information = np.arange(start.mean.shape[1])
+    of.filter.ancestors = np.array([2, 2, 0])
+    move(of)
+    expected = start.updated(information, -0.5 * information, fraction)
+    expected = expected.followed(np.r_[2, 2, 0, 3 : len(information)]).predicted(STEP, 0.1)
+    for found, each in zip(of.model.given("on_map")[3], expected, strict=True):
+        np.testing.assert_allclose(found, each, rtol=1e-6)
+    begun = Gain.start(2, len(information), 0.1)
+    np.testing.assert_allclose(start.variance, begun.variance)
 
 
 def test_all_parts_of_an_update_have_its_exponent_and_travel() -> None:
@@ -163,23 +180,23 @@ def test_all_parts_of_an_update_have_its_exponent_and_travel() -> None:
     exponent = STEP / LENGTH
     assert of.model.given("innovation")[-2:] == pytest.approx((STEP, exponent))
     assert of.model.given("other")[-2:] == pytest.approx((STEP, exponent))
-    np.testing.assert_allclose(of.filter.likelihoods[-1], exponent * np.array([-1.0, -2.0, -3.0]))
+    np.testing.assert_allclose(of.filter.likelihoods[-1], exponent * POSITION)
     assert of.filter.predicted[-1][1] == pytest.approx(STEP)
 
 
 def test_a_long_step_is_worth_no_more_than_an_independent_measurement() -> None:
     of = localizer()
     move(of, 2, step=5.0 * LENGTH)
-    np.testing.assert_allclose(of.filter.likelihoods[-1], [-1.0, -2.0, -3.0])
+    np.testing.assert_allclose(of.filter.likelihoods[-1], POSITION)
 
 
 def test_what_is_felt_off_the_map_is_the_innovation_with_its_level() -> None:
     of = localizer()
     move(of, 2)
-    for given in (of.model.given("energy"), of.model.given("other")[1:3]):
-        np.testing.assert_allclose(given[0], 1.5)
-        np.testing.assert_allclose(given[1], [0.1, 0.2])
-    np.testing.assert_allclose(of.model.given("other")[0], 1.0)  # as the update before it left them
+    weights, felt, level_variance = of.model.given("other")[:3]
+    np.testing.assert_allclose(weights, 1.0)  # as the update before it left them
+    np.testing.assert_allclose(felt, 1.5)
+    np.testing.assert_allclose(level_variance, [0.1, 0.2])
 
 
 def test_the_trend_goes_on_from_one_update_to_the_next() -> None:
@@ -200,14 +217,18 @@ def test_trajectories_follow_their_ancestors_and_those_of_the_anchors_stay() -> 
     np.testing.assert_array_equal(after, [2, 2, 0, *range(1, anchors + 1)])
 
 
-def test_what_is_new_of_a_state_begins_from_the_trajectory_of_its_anchor() -> None:
+def test_what_is_new_of_a_state_was_tracked_before() -> None:
+    """Its trend and gain are those of the belief, of which it is a part."""
     of = localizer()
-    of.filter.ancestors, of.filter.continued = np.zeros(3, dtype=int), np.array([1.0, 0.25, 0.0])
     move(of)
-    found = of.model.given("innovation")[0].map_level[:, 0]
-    boxes = 1 + of._anchors.index(STATES)  # behind the one trajectory before the first update
-    assert found[0] == 0.0
-    np.testing.assert_allclose(found[1:3], np.array([0.75, 1.0]) * boxes[1:])
+    of.filter.ancestors, of.filter.continued = np.zeros(3, dtype=int), np.array([1.0, 0.25, 0.0])
+    trend, gain = of.model.given("innovation")[0], of._sweep.gain
+    move(of)
+    found = of.model.given("innovation")[0].map_level[:3, 0]
+    mean = of.filter.weights() @ trend.map_level[:3, 0]
+    np.testing.assert_allclose(found, trend.map_level[0, 0] + np.array([0.0, 0.75, 1.0]) * mean, rtol=1e-6)
+    new = of.model.given("on_map")[3].mean[:, 2:3]
+    np.testing.assert_allclose(new, gain.averaged(of.filter.weights()).predicted(STEP, 0.1).mean, rtol=1e-6)
 
 
 def test_anchors_move_with_the_palm() -> None:
@@ -223,9 +244,10 @@ def test_anchors_move_with_the_palm() -> None:
 
 
 def test_what_left_the_scene_counts_as_other_material() -> None:
+    """And whether this is the map is judged by the variance of the scan, not by that of the sweep."""
     of = localizer()
     move(of)
-    expected = of.explanations.predict(STEP, 0.6)
+    expected = of.explanations.predict(STEP, 0.6, np.zeros(len(of._anchors), dtype=bool))
     of.filter.left = 0.6
     move(of)
     tracked = np.log(of.filter.prior @ np.exp(-STEP / LENGTH * np.arange(1, 4)))
@@ -236,27 +258,25 @@ def test_what_left_the_scene_counts_as_other_material() -> None:
 def test_the_filter_takes_in_the_belief_of_a_relocated_hand_only_where_that_is_the_likelier() -> None:
     of = localizer()
     move(of)
-    assert of.filter.predicted[-1][2] is None
-    weights = np.zeros(len(of._anchors))
-    weights[[3, 4]] = 0.25, 0.75
+    assert of.filter.predicted[-1][2] == 0.0
+    weights = np.full(len(of._anchors), 1.0 / len(of._anchors))
     of._sweep = of._sweep._replace(explanations=Explanations(0.1, 0.6, 0.3, weights))
     move(of)
-    injection = of.filter.predicted[-1][2]
-    assert injection.fraction == pytest.approx(0.6 / 0.7)
-    np.testing.assert_allclose(injection.weights, weights)
-    assert injection.anchors is of._anchors
+    assert of.filter.predicted[-1][2] == pytest.approx(0.6 / 0.7)
+    move(of)
+    assert of.filter.predicted[-1][2] == 0.0
 
 
 def test_after_an_injection_trajectories_are_mixed_even_where_no_ancestor_changed() -> None:
     of = localizer()
     move(of)
-    weights = np.full(len(of._anchors), -math.log(len(of._anchors)))
+    weights = np.full(len(of._anchors), 1.0 / len(of._anchors))
     of._sweep = of._sweep._replace(explanations=Explanations(0.1, 0.6, 0.3, weights))
     of.filter.continued = np.array([1.0, 1.0, 0.0])
-    before = of.model.given("innovation")[0].map_level[:, 0]
+    before = of.model.given("innovation")[0].map_level[:3, 0]
     move(of)
-    after = of.model.given("innovation")[0].map_level[:, 0]
-    assert after[2] == before[3 + of._anchors.index(STATES[2:])[0]]
+    after = of.model.given("innovation")[0].map_level[:3, 0]
+    np.testing.assert_allclose(after, [*before[:2], of.filter.weights() @ before], rtol=1e-6)
 
 
 def test_the_sweep_is_whitened_anew_where_its_noise_has_changed_and_not_otherwise() -> None:
@@ -293,16 +313,16 @@ def test_a_gauge_that_stands_still_is_all_noise_and_its_phalanx_counts_by_the_ot
     excess = of.model.given("map_at")[0].excess
     assert excess[1] >= 1e9
     assert excess[[0, 2, 3]].max() < 1.0
-    assert of.model.given("on_map")[4].tolist() == [True, True]
-    assert of.model.given("other")[4].tolist() == [True, True]
+    assert of.model.given("on_map")[5].tolist() == [True, True]
+    assert of.model.given("other")[3].tolist() == [True, True]
 
 
 def test_an_absent_phalanx_does_not_count() -> None:
     of = localizer()
     move(of)
     of.update(10**9, np.array([0.02]), np.full(4, 0.1), np.array([False, True]))
-    assert of.model.given("on_map")[4].tolist() == [False, True]
-    assert of.model.given("other")[4].tolist() == [False, True]
+    assert of.model.given("on_map")[5].tolist() == [False, True]
+    assert of.model.given("other")[3].tolist() == [False, True]
 
 
 def test_only_anchors_far_from_the_estimate_are_another_place() -> None:

@@ -7,6 +7,7 @@ from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
 SLEEVE = Scene("sleeve", (Axis("x", -0.002, 0.047),), (Phalanx("index", (0.0,)), Phalanx("thumb", (0.0,))))
@@ -22,7 +23,7 @@ def converged(noise: float) -> float:
         bumps = [np.exp(-0.5 * ((WAY - at) / 0.004) ** 2) for at in (0.019, 0.026)]
         return np.transpose(bumps) @ of + noise * rng.standard_normal((len(WAY), 16))
 
-    known = Calibration(np.array([0.001]), examination=Examination(information_length=0.005))
+    known = Calibration(np.array([0.001]), Material.SHEET, examination=Examination(0.005))
     scan = slides(SLEEVE, WAY, [felt() for _ in range(6)])
     localizer, right = build_localizer(scan, SLEEVE, Configuration(), rng, calibration=known), []
     for _ in range(4):

@@ -11,6 +11,7 @@ from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.io.recording import join, scan_of
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -34,7 +35,8 @@ def localizer() -> Localizer:
         turned = [replace(each, position=np.insert(each.truth, 2, yaw, axis=1)) for each in session.sweeps]
         sessions.append(replace(session, sweeps=turned))
     scan = scan_of(join(sessions), SCENE)
-    rng, known = np.random.default_rng(0), Calibration(np.array([1e-3, 1e-3, 0.01]), None, Examination(0.003))
+    rng, std = np.random.default_rng(0), np.array([1e-3, 1e-3, 0.01])
+    known = Calibration(std, Material.SHEET, examination=Examination(0.003))
     return build_localizer(scan, SCENE, Configuration(), rng, calibration=known)
 
 

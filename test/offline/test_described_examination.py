@@ -27,9 +27,12 @@ def examination(off_map: int = 0, wrong: int = 0, along_y: float = -0.1, sweeps:
 def test_what_to_expect_is_said() -> None:
     found = describe_examination(SCENE, examination(off_map=1, wrong=2))
     assert found == [
-        "6 trials of 6 held-out sweeps: 4 right at the end, 2 ever wrong, 0 never converged",
+        "6 trials of 6 held-out sweeps: 4 right at the end, 2 ever wrong, "
+        "0 converged and lost again, 0 never converged",
         "error of those: x 1.00 mm, y 2.00 mm",
         "12 trials on material that is not on the map: 1 ever converged",
+        "they are of the force and the session of the scan: to see what another force or day costs, replay "
+        "some sweeps that were recorded with another grip",
         "score -1.00 (0: sure and right; -3.00: no better than ignorance), information length 3.0 mm",
     ]
     assert describe_examination(SCENE, Examination()) == []

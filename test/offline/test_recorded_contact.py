@@ -22,7 +22,7 @@ def unmarked(recording: Recording) -> Recording:
 
 def test_unrecorded_contact_is_taken_from_the_map() -> None:
     test = simulate_recording("bump", 1, "test")
-    learned = learn_sweep_model(simulate_scan("bump", 1), SCENE)
+    learned = learn_sweep_model(simulate_scan("bump", 1), SCENE, Material.SHEET)
     model = learned.mixture(SCENE, learned.cell(SCENE, 0.45))
     marked = with_contact(unmarked(test), model)
     away = []
@@ -44,5 +44,5 @@ def test_unrecorded_contact_is_taken_from_the_map() -> None:
     without_truth = replace(test, sweeps=tuple(replace(s, felt=None, truth=None) for s in test.sweeps))
     assert with_contact(without_truth, model).sweeps[0].felt is None
     textured = copy(model)
-    textured.material = Material(0.0)
+    textured.material = Material.CLOTH
     assert with_contact(unmarked(test), textured).sweeps[0].felt is None

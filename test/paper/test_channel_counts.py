@@ -9,10 +9,12 @@ from support.scans import axes, bump_scan, scan, strain_at
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.scene import Phalanx, Region, Scene
 
 COUNTS = (19, 6, 1)
 KNOWN = Calibration(np.full(2, 0.0015))
+ON_SHEET = KNOWN._replace(material=Material.SHEET)
 
 
 def scene(counts=COUNTS, feature=None):
@@ -41,7 +43,7 @@ def test_the_level_of_a_sweep_does_not_move_the_position_of_another_model() -> N
     of = Scene("sheet", axes(2), (Phalanx("finger", (0.0, 0.0), 4),))
     configuration = Configuration(model="tactile_localizer.paper:SumOfGaussians")
     scanned, rng = bump_scan(of, offsets=1.0), np.random.default_rng(0)
-    localizer = build_localizer(scanned, of, configuration, rng, calibration=KNOWN)
+    localizer = build_localizer(scanned, of, configuration, rng, calibration=ON_SHEET)
     way = np.column_stack([np.arange(0.002, 0.026, 0.0005), np.full(48, 0.024)])
     bump = 30.0 * np.exp(-0.5 * np.sum(((way - 0.025) / 0.004) ** 2, axis=1))[:, None]
     felt, ends = bump * np.linspace(-1.0, 1.0, 4), []
@@ -65,7 +67,8 @@ def test_more_channels_than_directions_of_the_signal_are_not_worse(axis: str) ->
             mixing = np.linalg.qr(np.random.default_rng(1).standard_normal((channels, channels)))[0]
         scanned = bump_scan(of)
         scanned = replace(scanned, strain=scanned.strain @ mixing)
-        localizer = build_localizer(scanned, of, Configuration(), np.random.default_rng(0), calibration=KNOWN)
+        rng = np.random.default_rng(0)
+        localizer = build_localizer(scanned, of, Configuration(), rng, calibration=ON_SHEET)
         rng, converged = np.random.default_rng(2), 0
         for n, place in enumerate(ways):
             bump = 30.0 * np.exp(-0.5 * np.sum(((place - 0.025) / 0.004) ** 2))

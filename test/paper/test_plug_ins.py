@@ -24,8 +24,15 @@ def built(model: str) -> Localizer:
 
 def test_a_model_has_the_information_length_of_the_scan_or_its_own() -> None:
     of_scan = CALIBRATION.examination.information_length
-    assert built("tactile_localizer.paper:SumOfGaussians").information_length == of_scan
-    assert built("paper_models:PaperSum").information_length == Configuration().update_distance
+    for model, own in (
+        ("tactile_localizer.paper:SumOfGaussians", of_scan),
+        ("paper_models:PaperSum", Configuration().update_distance),
+    ):
+        localizer = built(model)
+        assert localizer._position_length == own
+        assert localizer.information_length == of_scan, (
+            "the other explanations are compared by that of the scan"
+        )
 
 
 @pytest.mark.parametrize("length", [0.0, -0.001, np.nan, "long", None])

@@ -9,6 +9,7 @@ from support.sweeps import unseen_sweep
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.sim import shipped_scene, simulate_scan
@@ -26,7 +27,7 @@ def scan():
 @pytest.fixture(scope="module")
 def localizer(scan):
     configuration = Configuration(cell=1.0)
-    calibration = Calibration(np.array([0.0004, 0.0004]))
+    calibration = Calibration(np.array([0.0004, 0.0004]), Material.SHEET)
     scene, rng = shipped_scene("bump"), np.random.default_rng(0)
     return build_localizer(scan, scene, configuration, rng, None, calibration)
 

@@ -79,3 +79,10 @@ def test_sweeps_of_a_scene_with_yaw_alone():
     detector = SweepDetector((Axis("yaw", -1.0, 1.0),), reversal_m=0.05)
     turn = np.concatenate([np.linspace(0, 1, 100), np.linspace(1, 0, 100)])[:, None]
     assert numbers(detector, turn).max() == 2
+
+
+def test_a_way_to_the_side_is_another_sweep():
+    positions = path((0.0, 0.0), (0.05, 0.0), (0.05, 0.03), speed=0.004)
+    found = numbers(SweepDetector(AXES), positions)
+    assert set(found[positions[:, 1] == 0.0]) == {0, 1}
+    assert set(found[positions[:, 1] > 0.02]) == {2}

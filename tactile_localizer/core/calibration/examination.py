@@ -12,10 +12,12 @@ chance are not chosen. Where an axis is known no better than by ignorance, it is
 that was scanned tells places along it apart.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +28,7 @@ from tactile_localizer.core.geometry.motion import MotionModel, levers
 from tactile_localizer.core.geometry.surroundings import surroundings
 from tactile_localizer.core.hypotheses.convergence import probability_within
 from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.measurements import Measurement
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tracks import Tracks, evenly
 from tactile_localizer.scene import Scene
@@ -34,12 +37,15 @@ LENGTHS = (0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
 """Information lengths to choose from, m; the search begins in the middle."""
 UNEXAMINED = LENGTHS[len(LENGTHS) // 2]
 """Information length where no sweep can be held out, m."""
-_TRIALS = 12
-"""Sweeps, or parts of them, that are localized on the map, and off it."""
+_TRIALS, _FEW = 48, 12
+"""Sweeps, or parts of them, that are localized on the map, and off it: at the lengths that may be the best,
+and at others."""
+_CLEAR = 4.0
+"""Standard errors of the difference of two scores of a few trials beyond which more trials are not needed."""
+_SWEEPS = 24
+"""Most sweeps that are held out."""
 _MAPS = 6
 """Maps without a sweep; of more sweeps, two that are far from each other are left out of one."""
-_LONGEST = 0.1
-"""m of a sweep that are localized."""
 _LEAST_STRAINS = 10
 """Strains of a part of a sweep that is localized."""
 _EACH = 4
@@ -47,6 +53,8 @@ _EACH = 4
 _LEAST_PROBABILITY = 0.005
 """Least probability that is scored: a belief that gives less to the truth is wrong, how much less says
 nothing of others."""
+_ALIKE = 0.25
+"""Part of the belief that is elsewhere, from which another place feels alike."""
 _PERIOD_NS = 10_000_000
 """Time between two strains, ns: so slow that each update distance leads to a measurement update."""
 
@@ -63,10 +71,12 @@ class Outcome:
     sweep : its number in the scan
     on_map : whether its surroundings are on the map
     score : mean logarithm of the probability given to the truth
-    right, wrong, converged : converged and right at its end; ever converged and wrong; ever converged
+    right, wrong, converged : converged and right at its end, and never wrong; ever converged and wrong; ever
+        converged
     error : (d,) distance of the last estimate from the truth along each axis, m (yaw: rad)
     spread : (d,) its standard deviation along each axis without the registration error, m (yaw: rad)
     axes : (d,) score along each axis alone, over the second half of the way; empty if not on the map
+    alike : (d,) m (yaw: rad), from the truth to another place that is as probable at its end; empty: none
     """
 
     sweep: int
@@ -78,6 +88,12 @@ class Outcome:
     error: tuple[float, ...]
     spread: tuple[float, ...]
     axes: tuple[float, ...] = ()
+    alike: tuple[float, ...] = ()
+
+    @property
+    def lost(self) -> bool:
+        """Whether it converged, was never wrong, and is not right at its end."""
+        return self.converged and not self.wrong and not self.right
 
 
 @dataclass(frozen=True)
@@ -90,14 +106,14 @@ class Examination:
     ignorance : score of a uniform belief on the map
     ignorance_axes : (d,) the same along each axis alone
     outcomes : of the sweeps, at that length
-    scores : of the lengths that were tried, m: on the map, and on other material
+    scores : of the lengths that were tried, m: on the map, and on other material (``None``: not tried)
     """
 
     information_length: float = UNEXAMINED
     ignorance: float = 0.0
     ignorance_axes: tuple[float, ...] = ()
     outcomes: tuple[Outcome, ...] = ()
-    scores: tuple[tuple[float, float, float], ...] = ()
+    scores: tuple[tuple[float, float, float | None], ...] = ()
 
     @cached_property
     def on_map(self) -> tuple[Outcome, ...]:
@@ -144,61 +160,173 @@ class _HeldOut(NamedTuple):
     strain: np.ndarray
 
 
-class _Trial(NamedTuple):
+@dataclass(frozen=True)
+class _Trial:
     """A held-out sweep, or a part of it, and a localizer that does not know it."""
 
     sweep: _HeldOut
     on_map: bool
     localizer: Localizer
 
+    @cached_property
+    def measurements(self) -> list[tuple[int, Measurement]]:
+        """What the localizer takes in, with the noise of odometry: row of the sweep and measurement."""
+        localizer, (_, track, positions, strains) = self.localizer, self.sweep
+        scene, taken = localizer.scene, localizer.measurements
+        rng = np.random.default_rng(track)
+        steps = rng.standard_normal(positions.shape) * scene.motion_std
+        odometry = positions + np.cumsum(steps * np.sqrt(_travels(positions, scene))[:, None], axis=0)
+        present, found = np.ones(len(scene.phalanges), dtype=bool), []
+        taken.reset()
+        for row, (place, strain) in enumerate(zip(odometry, strains, strict=True)):
+            measurement = taken.observe((1 + row) * _PERIOD_NS, place, strain, present)
+            if measurement is not None:
+                found.append((row, measurement))
+        return found
 
-def examine(scan: Scan, model: SweepModel, build: Build, progress: Progress | None = None) -> Examination:
-    """Choose the information length with the best score on the map, among those without many false claims.
+
+def examine(
+    scan: Scan, models: Sequence[SweepModel], build: Build, progress: Progress | None = None
+) -> tuple[int, Examination]:
+    """Choose the model and the information length under which held-out sweeps are localized best.
 
     Parameters
     ----------
     scan : whose sweeps are held out
-    model : learned from all of it
-    build : makes a localizer from a part of the model, over the scene in which that part lies
+    models : learned from all of it, one of each kind of material
+    build : makes a localizer from a part of a model, over the scene in which that part lies
     progress : called with the completed fraction
+
+    Returns
+    -------
+    chosen : index of the model
+    examination : under that model
     """
-    scene = model.scan.tracks.scene
-    if len(model.scan.tracks) < 2:
-        return Examination()
-    sweeps, rng = _held_out(scan, model.scan.tracks), np.random.default_rng(0)
-    trials = [*_trials_on_map(model, build, sweeps, rng), *_trials_off_map(model, build, sweeps, rng)]
-    tried: dict[int, list[Outcome]] = {}
+    tracks = models[0].scan.tracks
+    if len(tracks) < 2:
+        return 0, Examination()
+    sweeps, done = _held_out(scan, tracks), 0
 
-    def merit(choice: int) -> tuple[int, float]:
-        if choice not in tried:
-            tried[choice] = [_localize(trial, LENGTHS[choice]) for trial in trials]
-            if progress is not None:
-                progress(min(len(tried) / 5.0, 1.0))
-        claims = sum(each.wrong for each in tried[choice])
-        return min(by_chance(len(trials)) - claims, 0), _scores(tried[choice])[0]
+    def report() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done / (done + 4.0 * len(models)))
 
-    best = LENGTHS.index(UNEXAMINED)
-    merit(best)
-    for step in (-1, 1):
-        while 0 <= best + step < len(LENGTHS) and merit(best + step) > merit(best):
-            best += step
-    ignorance = _ignorance(scene, trials[0].localizer.criteria.radius)
-
-    def examination(choice: int) -> Examination:
-        scores = tuple((LENGTHS[each], *_scores(tried[each])) for each in sorted(tried))
-        return Examination(LENGTHS[choice], *ignorance, tuple(tried[choice]), scores)
-
-    found = examination(best)
+    kinds = [_Kind(model, build, sweeps, report) for model in models]
+    for kind in kinds:
+        kind.climb()
+    best = kinds[0]
+    for kind in kinds[1:]:
+        best = kind.better_than(best)
+    best.refine()
+    found = best.examination()
     if (found.observed < 0.0).any():
-        longest = len(LENGTHS) - 1
-        merit(longest)
-        found = examination(longest)
-    return found
+        best.choice = len(LENGTHS) - 1
+        found = best.examination()
+    return kinds.index(best), found
+
+
+class _Kind:
+    """Trials under one model, by information length.
+
+    Attributes
+    ----------
+    choice : number of the best length
+    """
+
+    def __init__(
+        self, model: SweepModel, build: Build, sweeps: Sequence[_HeldOut], report: Callable[[], None]
+    ) -> None:
+        self.scene, self._report = model.scan.tracks.scene, report
+        self._on_map = list(_trials_on_map(model, build, sweeps, np.random.default_rng(0)))
+        self._make_off_map = partial(_trials_off_map, model, build, sweeps, np.random.default_rng(1))
+        self._outcomes: dict[tuple[int, bool], list[Outcome]] = {}
+        self.choice = LENGTHS.index(UNEXAMINED)
+
+    @cached_property
+    def _off_map(self) -> list[_Trial]:
+        return list(self._make_off_map())
+
+    def climb(self) -> None:
+        """Climb to the length with the best score of a few trials."""
+        for step in (-1, 1):
+            while 0 <= self.choice + step < len(LENGTHS) and (
+                self._scores(self.choice + step, _FEW).mean() > self._scores(self.choice, _FEW).mean()
+            ):
+                self.choice += step
+
+    def better_than(self, other: _Kind) -> _Kind:
+        """The one with the better score, or, within its standard error, with more trials right at the end.
+
+        A few trials decide where their scores are far from each other.
+        """
+        for count, errors in ((_FEW, _CLEAR), (_TRIALS, 1.0)):
+            difference = self._scores(self.choice, count) - other._scores(other.choice, count)
+            if _is_distinct(difference, errors):
+                return self if difference.mean() > 0.0 else other
+        right = [sum(each.right for each in kind._localized(kind.choice, True)) for kind in (self, other)]
+        return self if right[0] > right[1] else other
+
+    def refine(self) -> None:
+        """Choose among the best length and its neighbours by all trials, then by false claims.
+
+        The next longer lengths are tried where there are more of these than by chance. Where they are as
+        many at all lengths, the material resembles itself.
+        """
+        tried = [each for each in (self.choice - 1, self.choice + 1) if (each, True) in self._outcomes]
+        scores = self._scores(self.choice, _FEW)
+        close = [each for each in tried if not _is_distinct(scores - self._scores(each, _FEW), 1.0)]
+        self.choice = max([self.choice, *close], key=lambda each: self._scores(each).mean())
+        for choice in range(self.choice, len(LENGTHS)):
+            outcomes = self._localized(choice, True) + self._localized(choice, False)
+            if sum(each.wrong for each in outcomes) <= by_chance(len(outcomes)):
+                self.choice = choice
+                break
+
+    def examination(self) -> Examination:
+        """The examination at the best length."""
+        ignorance = _ignorance(self.scene, self._on_map[0].localizer.criteria.radius)
+        outcomes = self._localized(self.choice, True) + self._localized(self.choice, False)
+        scores = []
+        for choice in sorted({choice for choice, _ in self._outcomes}):
+            by_truth = ([each.score for each in self._outcomes.get((choice, on), ())] for on in (True, False))
+            on_map, off_map = (_mean(each) if each else None for each in by_truth)
+            if on_map is not None:
+                scores.append((LENGTHS[choice], on_map, off_map))
+        return Examination(LENGTHS[self.choice], *ignorance, tuple(outcomes), tuple(scores))
+
+    def _scores(self, choice: int, count: int = _TRIALS) -> np.ndarray:
+        """Of the first ``count`` trials on the map at a length, (n,)."""
+        return np.array([each.score for each in self._localized(choice, True, count)])
+
+    def _localized(self, choice: int, on_map: bool, count: int = _TRIALS) -> list[Outcome]:
+        """Outcomes of the first ``count`` trials on the map, or off it, at a length."""
+        trials, found = (
+            self._on_map if on_map else self._off_map,
+            self._outcomes.setdefault((choice, on_map), []),
+        )
+        if missing := trials[len(found) : count]:
+            found += [_localize(trial, LENGTHS[choice]) for trial in missing]
+            self._report()
+        return found[:count]
+
+
+def _is_distinct(differences: np.ndarray, errors: float) -> bool:
+    """Whether the mean of ``differences`` (n,) is so many standard errors from zero."""
+    return abs(differences.mean()) > errors * differences.std() / math.sqrt(len(differences))
 
 
 def by_chance(trials: int) -> int:
-    """False claims in so many trials that the threshold of convergence concedes."""
-    return math.ceil(trials * (1.0 - Configuration().convergence_probability))
+    """False claims in so many trials that the threshold of convergence explains.
+
+    More of them would come in one of twenty scans, where each claim is wrong as often as it concedes.
+    """
+    wrong, total, claims = 1.0 - Configuration().convergence_probability, 0.0, -1
+    while total < 0.95:
+        claims += 1
+        total += math.comb(trials, claims) * wrong**claims * (1.0 - wrong) ** (trials - claims)
+    return claims
 
 
 def _held_out(scan: Scan, tracks: Tracks) -> list[_HeldOut]:
@@ -207,7 +335,7 @@ def _held_out(scan: Scan, tracks: Tracks) -> list[_HeldOut]:
     order = _across(tracks)
     inner = order[1:-1] if len(order) > 4 else order  # the outermost lie beside the map of the others
     found = []
-    for place in evenly(len(inner), _TRIALS):
+    for place in evenly(len(inner), _SWEEPS):
         track = int(inner[place])
         number = int(scan.sweep_numbers[track])  # others may have been dropped before it
         own = scan.sweep == number
@@ -215,10 +343,11 @@ def _held_out(scan: Scan, tracks: Tracks) -> list[_HeldOut]:
     return found
 
 
-def _turns(sweeps: int) -> list[tuple[int, int]]:
+def _turns(sweeps: int, rng: np.random.Generator) -> list[tuple[int, int]]:
     """For each trial which of the ``sweeps`` is localized, and in which of two ways, each in turn."""
+    order = rng.permutation(sweeps)
     numbers = [divmod(trial, sweeps) for trial in range(_TRIALS)]
-    return [(which, (which + again) % 2) for again, which in numbers]
+    return [(int(order[which]), (which + again) % 2) for again, which in numbers]
 
 
 def _trials_on_map(
@@ -230,7 +359,7 @@ def _trials_on_map(
         build(model.part(~np.isin(tracks.number, held_out[first::_MAPS])), tracks.scene)
         for first in range(min(_MAPS, len(sweeps)))
     ]
-    for which, begins_late in _turns(len(sweeps)):
+    for which, begins_late in _turns(len(sweeps), rng):
         begin = rng.uniform(0.15, 0.6) if begins_late else 0.0
         part = _part(sweeps[which], np.arange(len(sweeps[which].positions)), begin, tracks.scene)
         yield _Trial(part, True, maps[which % len(maps)])
@@ -244,21 +373,26 @@ def _trials_off_map(
     extent = np.array([np.ptp(tracks.positions[own], axis=0) for own in tracks.slices]) * levers(tracks.scene)
     along = int(np.median(extent, axis=0).argmax())
     middle = 0.5 * float(tracks.positions[:, along].min() + tracks.positions[:, along].max())
-    for side in (0, 1):
-        kept = (tracks.positions[:, along] > middle) == bool(side)
-        if kept.all() or not kept.any():
-            continue
-        localizer = build(model.part(kept), surroundings(tracks.scene, tracks.positions[kept]))
-        for which, of_side in _turns(len(sweeps)):
-            rows = np.flatnonzero((sweeps[which].positions[:, along] > middle) != bool(side))
-            if of_side == side and len(rows):
-                part = _part(sweeps[which], rows, rng.uniform(0.0, 0.5), tracks.scene)
-                if len(part.positions) >= _LEAST_STRAINS:
-                    yield _Trial(part, False, localizer)
+    localizers = []
+    for side in (False, True):
+        kept = (tracks.positions[:, along] > middle) == side
+        if kept.any() and not kept.all():
+            within = surroundings(tracks.scene, tracks.positions[kept])
+            localizers.append((side, build(model.part(kept), within)))
+    if not localizers:
+        return
+    for which, way in _turns(len(sweeps), rng):
+        side, localizer = localizers[way % len(localizers)]
+        rows = np.flatnonzero((sweeps[which].positions[:, along] > middle) != side)
+        begin = rng.uniform(0.0, 0.5)
+        if len(rows):
+            part = _part(sweeps[which], rows, begin, tracks.scene)
+            if len(part.positions) >= _LEAST_STRAINS:
+                yield _Trial(part, False, localizer)
 
 
 def _part(sweep: _HeldOut, rows: np.ndarray, begin: float, scene: Scene) -> _HeldOut:
-    """At most :data:`_LONGEST` metres of a sweep: of ``rows`` (n,), those after a part ``begin`` of the way.
+    """A sweep's ``rows`` (n,) after a part ``begin`` of the way.
 
     A hand that rests, as after a sweep until it is ended, is on no way.
     """
@@ -266,7 +400,6 @@ def _part(sweep: _HeldOut, rows: np.ndarray, begin: float, scene: Scene) -> _Hel
     farthest = np.maximum.accumulate(motion.travels(motion.displacement(positions[0], positions)))
     on_the_way = np.flatnonzero(np.diff(farthest, prepend=-1.0) > 0.0)
     rows = rows[on_the_way[int(begin * len(on_the_way))] :]
-    rows = rows[_travels(sweep.positions[rows], scene).cumsum() <= _LONGEST]
     return sweep._replace(positions=sweep.positions[rows], strain=sweep.strain[rows])
 
 
@@ -283,32 +416,29 @@ def _travels(positions: np.ndarray, scene: Scene) -> np.ndarray:
 
 
 def _localize(trial: _Trial, information_length: float) -> Outcome:
-    """Localize a trial with the noise of odometry, scoring what is published of the truth."""
-    localizer, (number, track, positions, strains) = trial.localizer, trial.sweep
-    scene, radius = localizer.scene, localizer.criteria.radius
-    motion = MotionModel(scene)
+    """Localize a trial, scoring what is published of the truth."""
+    localizer, (number, _, positions, _) = trial.localizer, trial.sweep
+    scene, radius, motion = localizer.scene, localizer.criteria.radius, MotionModel(localizer.scene)
     localizer.reset()
     localizer.information_length = information_length
-    rng = np.random.default_rng(track)
-    steps = rng.standard_normal(positions.shape) * scene.motion_std
-    odometry = positions + np.cumsum(steps * np.sqrt(_travels(positions, scene))[:, None], axis=0)
     score: list[float] = []
     along: list[tuple[float, np.ndarray]] = []
     right = wrong = converged = False
-    updates, away, variance = 0, np.zeros(scene.dimension), np.square(scene.extent)
-    for row, (place, strain) in enumerate(zip(odometry, strains, strict=True)):
-        estimate = localizer.update((1 + row) * _PERIOD_NS, place, strain)
-        away = motion.displacement(positions[row], estimate.mean)
-        variance = estimate.covariance.diagonal() - localizer.registration_variance
+    travel, away, variance = 0.0, np.zeros(scene.dimension), np.square(scene.extent)
+    for count, (row, measurement) in enumerate(trial.measurements, 1):
+        belief = localizer.measure(measurement)
+        travel += measurement.travel
+        away = motion.displacement(positions[row], belief.mean + measurement.pending)
+        variance = belief.covariance.diagonal()
         near = trial.on_map and float(np.square(away / radius).sum()) <= 1.0
-        right, wrong = estimate.converged and near, wrong or (estimate.converged and not near)
-        converged = converged or estimate.converged
-        updates += estimate.updated
-        if estimate.updated and updates % _EACH == 0:
-            score.append(math.log(max(_probability(trial, positions[row]), _LEAST_PROBABILITY)))
+        right, wrong = localizer.converged and near, wrong or (localizer.converged and not near)
+        converged = converged or localizer.converged
+        truth = positions[row] - measurement.pending
+        if count % _EACH == 0:
+            score.append(math.log(max(_probability(trial, truth), _LEAST_PROBABILITY)))
             if trial.on_map:
-                along.append((estimate.travel, _along_axes(localizer, positions[row])))
-    second_half = [axes for travel, axes in along if 2.0 * travel >= estimate.travel]
+                along.append((travel, _along_axes(localizer, truth)))
+    second_half = [axes for there, axes in along if 2.0 * there >= travel]
     axes = (
         np.mean(second_half, axis=0)
         if second_half
@@ -318,12 +448,13 @@ def _localize(trial: _Trial, information_length: float) -> Outcome:
         number,
         trial.on_map,
         _mean(score),
-        bool(right),
+        bool(right and not wrong),
         bool(wrong),
         bool(converged),
         tuple(np.abs(away).tolist()),
         tuple(np.sqrt(np.maximum(variance, 0.0)).tolist()),
         tuple(axes.tolist()),
+        _place_alike(localizer, truth) if trial.on_map else (),
     )
 
 
@@ -338,19 +469,23 @@ def _probability(trial: _Trial, truth: np.ndarray) -> float:
     return localizer.explanations.tracked * probability_within(away, weights, radius, variance)
 
 
+def _place_alike(localizer: Localizer, truth: np.ndarray) -> tuple[float, ...]:
+    """Displacement (d,) from the truth to the most probable place beyond twice the radius, m (yaw: rad).
+
+    Empty where less than :data:`_ALIKE` of the belief is there.
+    """
+    states, weights = localizer.hypotheses()
+    away = MotionModel(localizer.scene).displacement(truth, states)
+    there = weights * (np.square(away / localizer.criteria.radius).sum(axis=1) > 4.0)
+    return tuple(away[there.argmax()].tolist()) if there.sum() > _ALIKE else ()
+
+
 def _along_axes(localizer: Localizer, truth: np.ndarray) -> np.ndarray:
     """Logarithms (d,) of the belief within the radius of the truth along each axis alone."""
     states, weights = localizer.hypotheses()
     away = MotionModel(localizer.scene).displacement(truth, states)
     near = weights @ (np.abs(away) <= localizer.criteria.radius)
     return np.asarray(np.log(np.maximum(near, _LEAST_PROBABILITY)))
-
-
-def _scores(outcomes: Sequence[Outcome]) -> tuple[float, float]:
-    """Mean score on the map, and on other material."""
-    by_truth = ([each.score for each in outcomes if each.on_map is on_map] for on_map in (True, False))
-    on_map, off_map = (_mean(each) for each in by_truth)
-    return on_map, off_map
 
 
 def _mean(values: Sequence[float]) -> float:

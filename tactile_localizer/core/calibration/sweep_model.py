@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import WhitenedScan, whiten
-from tactile_localizer.core.likelihood.other_material import ENERGY_LENGTH, OtherMaterial
+from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import (
     StrainMap,
     VarianceModel,
@@ -52,19 +52,6 @@ class SweepModel(NamedTuple):
         kept = {name: getattr(scan, name)[points] for name in ("strain", "signal")}
         return self._replace(scan=scan._replace(tracks=tracks, held_out=None, levels=scan.levels[of], **kept))
 
-    def quiet_energy(self, mixture: SweepMixture, information_length: float) -> np.ndarray:
-        """Usual energy (F,) of the innovations of the scan's sweeps from featureless material.
-
-        ``information_length`` is the travel per independent measurement, m.
-        """
-        layout, pitch, found = self.scan.noise.layout, self.scan.tracks.pitch, []
-        exponent, width = min(1.0, pitch / information_length), max(round(ENERGY_LENGTH / pitch), 1)
-        for own in self.scan.tracks.slices:
-            innovations, variance = mixture.drift.along(self.scan.strain[own], pitch, exponent)
-            energy = mixture.other.energy(innovations, layout.mean(variance))
-            found.append(uniform_filter1d(energy, width, axis=0, mode="nearest"))
-        return np.maximum(np.median(np.concatenate(found), axis=0), 1e-3)
-
     def _other(self, scene: Scene, table: StrainMap) -> OtherMaterial:
         """The alternative to a map."""
         layout, material = self.scan.noise.layout, self.scan.material
@@ -85,8 +72,10 @@ class SweepModel(NamedTuple):
         return cell_size(scene, self.scan.spacing, lines)
 
 
-def learn_sweep_model(scan: Scan, scene: Scene, variance: VarianceModel | None = None) -> SweepModel:
-    """Estimate the noise of a scan and its variance between the sweeps.
+def learn_sweep_model(
+    scan: Scan, scene: Scene, material: Material, variance: VarianceModel | None = None
+) -> SweepModel:
+    """Estimate the noise of a scan of a ``material``, and its variance between the sweeps.
 
     ``variance`` was fitted to the same scan; ``None``: fitted now.
 
@@ -95,5 +84,5 @@ def learn_sweep_model(scan: Scan, scene: Scene, variance: VarianceModel | None =
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
-    whitened = whiten(scan, scene)
+    whitened = whiten(scan, scene, material)
     return SweepModel(whitened, variance or fit_variance(whitened))

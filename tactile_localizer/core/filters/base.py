@@ -5,7 +5,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.geometry.anchors import Injection
 
 
 class Prediction(NamedTuple):
@@ -40,12 +39,10 @@ class BayesFilter(Protocol):
     def seed(self, mean: np.ndarray, std: np.ndarray) -> None:
         """Start from a Gaussian about ``mean`` (d,) with standard deviations ``std`` (d,), m (yaw: rad)."""
 
-    def predict(
-        self, displacement: np.ndarray, travel: float, injection: Injection | None = None
-    ) -> Prediction:
+    def predict(self, displacement: np.ndarray, travel: float, injected: float = 0.0) -> Prediction:
         """Move the belief by ``displacement`` (d,), with the motion noise of ``travel`` metres.
 
-        Then a fraction of it is replaced by that which is ``injection``.
+        Then a fraction ``injected`` of it is replaced by a uniform one.
         """
 
     def update(self, log_likelihood: np.ndarray) -> Belief:

@@ -10,13 +10,15 @@ class Belief:
     """First two moments of a belief over the state.
 
     ``mean`` (d,) and ``covariance`` (d, d) in m (yaw: rad), ``effective_sample_size`` of the hypotheses,
-    and how many ``hypotheses`` (particles or cells) are held.
+    how many ``hypotheses`` (particles or cells) are held, and the ``log_marginal`` likelihood of the
+    measurement that led to it, nats.
     """
 
     mean: np.ndarray
     covariance: np.ndarray
     effective_sample_size: float
     hypotheses: int
+    log_marginal: float = 0.0
 
     @property
     def trace(self) -> float:

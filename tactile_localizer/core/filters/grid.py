@@ -7,7 +7,6 @@ from scipy import ndimage
 
 from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.geometry.anchors import Injection
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.lattice import flatten_axes
 from tactile_localizer.core.geometry.motion import MotionModel
@@ -77,9 +76,7 @@ class GridFilter:
             log_density += np.expand_dims(-0.5 * scaled**2, others)
         self._place(np.exp(log_density - log_density.max()))
 
-    def predict(
-        self, displacement: np.ndarray, travel: float, injection: Injection | None = None
-    ) -> Prediction:
+    def predict(self, displacement: np.ndarray, travel: float, injected: float = 0.0) -> Prediction:
         """See :meth:`.BayesFilter.predict`; diffusion between cells does not change a cell's ancestor."""
         before, shifted, left = self._alive, [0] * len(self._shape), 1.0
         if self._turns:
@@ -100,13 +97,9 @@ class GridFilter:
                     kept *= self._diffuse(axis, variance)
             left = 1.0 - kept
         kept_cells = cells = self._belief.ravel()
-        if injection is not None:
-            box = injection.anchors.index(self._unmoved_states.T + self._offset)
-            cells_in_box = np.bincount(box, minlength=len(injection.weights))
-            # Boxes can be smaller than cells, of which some then hold no cell's centre.
-            density = (injection.weights / np.maximum(cells_in_box, 1) + 1e-12)[box]
-            kept_cells = (1.0 - injection.fraction) * cells
-            cells = kept_cells + injection.fraction * density / density.sum()
+        if injected:
+            kept_cells = (1.0 - injected) * cells
+            cells = kept_cells + injected / self._size
             self._belief = cells.reshape(self._shape)
         self._alive = self._living(cells)
         alive = cells.take(self._alive)
@@ -120,14 +113,15 @@ class GridFilter:
 
     def update(self, log_likelihood: np.ndarray) -> Belief:
         """See :meth:`.BayesFilter.update`; the spread within a cell counts."""
-        self._weights, _ = bayes(self._weights, log_likelihood)
+        self._weights, log_marginal = bayes(self._weights, log_likelihood)
         belief = np.zeros(self._size)
         belief[self._alive] = self._weights
         self._belief = belief.reshape(self._shape)
         mean, covariance = moments(self._states, self._weights, self._wraps)
         within = self._cell**2 / 12.0 + self._pending * self._cell**2
         covariance.ravel()[:: len(within) + 1] += within
-        return Belief(mean, covariance, effective_sample_size(self._weights), len(self._alive))
+        effective = effective_sample_size(self._weights)
+        return Belief(mean, covariance, effective, len(self._alive), log_marginal)
 
     def weights(self) -> np.ndarray:
         """See :meth:`.BayesFilter.weights`."""
@@ -186,10 +180,12 @@ class GridFilter:
         """Spread by the pending variance: a small one by a three-point step, whose variance is exact."""
         # A spread as wide as the axis is as good as any wider one.
         variance = min(variance, float(self._shape[axis]) ** 2)
-        mode = "wrap" if self._wraps[axis] else "constant"
-        spread = ndimage.convolve1d(self._belief, _step(variance), axis, mode=mode)
         self._pending[axis] = 0.0
-        return self._normalize(spread)
+        if variance <= _THREE_POINT:
+            beside = self._rolled(self._belief, axis, 1, 0.0) + self._rolled(self._belief, axis, -1, 0.0)
+            return self._normalize((1.0 - variance) * self._belief + 0.5 * variance * beside)
+        mode = "wrap" if self._wraps[axis] else "constant"
+        return self._normalize(ndimage.convolve1d(self._belief, _step(variance), axis, mode=mode))
 
     def _normalize(self, belief: np.ndarray) -> float:
         """Store a belief scaled to one, and return what it summed to."""
@@ -199,9 +195,7 @@ class GridFilter:
 
 
 def _step(variance: float) -> np.ndarray:
-    """Weights of a Gaussian step of a variance, in cells squared: of three points, or to four deviations."""
-    if variance <= _THREE_POINT:
-        return np.array([0.5 * variance, 1.0 - variance, 0.5 * variance])
+    """Weights of a Gaussian step of a variance, in cells squared, to four deviations."""
     reach = int(4.0 * math.sqrt(variance) + 0.5)
     kernel = np.exp(-0.5 * np.arange(-reach, reach + 1) ** 2 / variance)
     return kernel / kernel.sum()

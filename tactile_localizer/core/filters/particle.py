@@ -7,7 +7,6 @@ import numpy as np
 from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.filters.resampling import systematic
-from tactile_localizer.core.geometry.anchors import Injection
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.weights import bayes, effective_sample_size, moments
@@ -64,16 +63,12 @@ class ParticleFilter:
         states = mean + self._rng.standard_normal((self._count, len(mean))) * std
         self._place(np.where(self._wraps, wrap_angle(states), np.clip(states, self._lower, self._upper)))
 
-    def predict(
-        self, displacement: np.ndarray, travel: float, injection: Injection | None = None
-    ) -> Prediction:
+    def predict(self, displacement: np.ndarray, travel: float, injected: float = 0.0) -> Prediction:
         """See :meth:`.BayesFilter.predict`; the lightest particles make room for those taken in."""
         left = self._move(displacement, travel)
-        if injection is not None:
-            count = min(int(self._rng.binomial(self._count, injection.fraction)), self._count - 1)
-            boxes = self._rng.choice(len(injection.weights), count, p=injection.weights)
-            within = (self._rng.random((count, len(self._lower))) - 0.5) * injection.anchors.pitch
-            self._replace_lightest(injection.anchors.states[boxes] + within)
+        if injected:
+            count = min(int(self._rng.binomial(self._count, injected)), self._count - 1)
+            self._replace_lightest(self._spread(count))
         if self._random:
             self._replace_lightest(self._spread(self._random))
         before, self._ancestors = self._ancestors, np.arange(self._count)
@@ -97,9 +92,9 @@ class ParticleFilter:
 
     def update(self, log_likelihood: np.ndarray) -> Belief:
         """See :meth:`.BayesFilter.update`."""
-        self._weights, _ = bayes(self._weights, log_likelihood)
+        self._weights, log_marginal = bayes(self._weights, log_likelihood)
         mean, covariance = moments(self._states, self._weights, self._wraps)
-        return Belief(mean, covariance, effective_sample_size(self._weights), self._count)
+        return Belief(mean, covariance, effective_sample_size(self._weights), self._count, log_marginal)
 
     def weights(self) -> np.ndarray:
         """See :meth:`.BayesFilter.weights`."""

@@ -1,7 +1,5 @@
 """Anchors: centres of the boxes of a lattice over the scene that moves with the palm."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from tactile_localizer.core.geometry.motion import levers
@@ -31,7 +29,7 @@ class Anchors:
     states: np.ndarray
 
     def __init__(self, scene: Scene) -> None:
-        self._lower, self._extent = scene.lower, scene.extent
+        self._lower, self._extent, self._ends = scene.lower, scene.extent, ~scene.wraps
         extent = self._extent * levers(scene)
         pitch = max((float(np.prod(extent)) / _COUNT) ** (1.0 / scene.dimension), _LEAST_PITCH)
         self._counts = np.clip(np.rint(extent / pitch), 1, _COUNT).astype(int)
@@ -46,38 +44,14 @@ class Anchors:
     def reset(self) -> None:
         """Return to where they began."""
         self._shift = np.zeros(len(self._extent))
-        self.move(self._shift)
+        self.states = self._lower + self._origin
 
-    def move(self, displacement: np.ndarray) -> None:
-        """Move by ``displacement`` (d,), m (yaw: rad)."""
+    def move(self, displacement: np.ndarray) -> np.ndarray:
+        """Move by ``displacement`` (d,), m (yaw: rad); returns which anchors (R,) bool left at a bound."""
+        before = self.states
         self._shift = np.mod(self._shift + displacement, self._extent)
         moved = self._origin + self._shift
         # np.mod takes ten times as long.
         self.states = self._lower + np.where(moved < self._extent, moved, moved - self._extent)
-
-    def index(self, states: np.ndarray) -> np.ndarray:
-        """Index (P,) of the box in which each of ``states`` (P, d) is."""
-        relative = (states - self._lower - self._shift).T
-        index = np.zeros(len(states))
-        for along, extent, pitch, count in zip(
-            relative, self._extent, self.pitch, self._counts.tolist(), strict=True
-        ):
-            along += extent * (along < 0.0)
-            index *= count
-            index += np.minimum((along / pitch).astype(np.intp), count - 1)
-        return np.maximum(index, 0.0).astype(np.intp)
-
-
-class Injection(NamedTuple):
-    """Belief that a filter takes in, uniform within each anchor's box.
-
-    Parameters
-    ----------
-    fraction : of the filter's belief that it replaces
-    anchors : the boxes
-    weights : (R,) of the boxes, with a sum of one
-    """
-
-    fraction: float
-    anchors: Anchors
-    weights: np.ndarray
+        away = np.abs(self.states - before - displacement) > 0.5 * self._extent
+        return np.asarray((away & self._ends).any(axis=1))

@@ -95,7 +95,7 @@ class Convergence:
         self.state = State.SEARCHING
         self.reason = "not converged: no measurement yet"
         self.probability = 0.0
-        self._held = 0.0
+        self._held: float | None = None
 
     def update(
         self,
@@ -117,10 +117,11 @@ class Convergence:
         criteria = self.criteria
         self.probability = near * on_map
         holds = self.probability > criteria.probability
-        self._held = self._held + travel if holds else 0.0
+        # The way to the first update that is above the threshold does not count.
+        self._held = (0.0 if self._held is None else self._held + travel) if holds else None
         if contradiction:
-            self.state, self._held = State.UNKNOWN, 0.0
-        elif holds and self._held >= criteria.sustain:
+            self.state, self._held = State.UNKNOWN, None
+        elif self._held is not None and self._held >= criteria.sustain:
             self.state = State.CONVERGED
         elif self.state is State.CONVERGED:
             if self.probability < criteria.release:
@@ -134,7 +135,7 @@ class Convergence:
         if self.state is State.CONVERGED:
             kept = "" if holds else f", kept down to {self.criteria.release:g}"
             return f"converged: probability {self.probability:.3f}{kept}"
-        if holds:
+        if self._held is not None:
             held, needed = 1e3 * self._held, 1e3 * self.criteria.sustain
             return f"not converged: held over {held:.1f} of {needed:.1f} mm"
         prefix = {State.LOST: "lost", State.UNKNOWN: "unknown material"}.get(self.state, "not converged")

@@ -45,21 +45,27 @@ class Explanations(NamedTuple):
         return self.tracked + self.relocated
 
     @property
-    def injection(self) -> float:
-        """Fraction of the filter's belief to be replaced by that of a relocated hand.
+    def injected(self) -> float:
+        """Fraction of the filter's belief to be replaced by that of a relocated hand, which may be anywhere.
 
-        It moves the mean, so it is zero while the hand is more probably where it was tracked.
+        Anchors are too few to tell where: of many places that feel alike, their spacing would choose one. It
+        moves the mean, so it is zero while the hand is more probably where it was tracked.
         """
         return self.relocated / self.on_map if self.relocated > self.tracked else 0.0
 
-    def predict(self, travel: float, left: float) -> Explanations:
-        """After ``travel`` metres, during which the fraction ``left`` of the belief moved beyond the bounds.
+    def predict(self, travel: float, left: float, lost: np.ndarray) -> Explanations:
+        """After ``travel`` metres.
 
-        Where :attr:`injection` is not zero, the filter has taken in the belief of a relocated hand.
+        Beyond the bounds moved the fraction ``left`` of the belief, and the anchors ``lost`` (R,) bool. Where
+        :attr:`injected` is not zero, the filter has taken in the belief of a relocated hand.
         """
         tracked, relocated, other, weights = self
-        if self.injection:
+        if self.injected:
             tracked, relocated = tracked + relocated, 0.0
+        if lost.any():
+            weights = np.where(lost, 0.0, weights)
+            gone = relocated * (1.0 - float(weights.sum()))
+            relocated, other = relocated - gone, other + gone
         # Other material is as probable as the map before the first strain, so either is left at one rate.
         stayed = math.exp(-travel / PATCH_LENGTH)
         returned = (1.0 - stayed) * other
@@ -70,7 +76,8 @@ class Explanations(NamedTuple):
         arriving = moved * (tracked + other)
         anywhere = relocated + arriving
         if anywhere > 0.0:
-            weights = (relocated / anywhere) * weights + arriving / anywhere / len(weights)
+            new = arriving / anywhere / len(weights)
+            weights = relocated / anywhere / max(float(weights.sum()), 1e-300) * weights + new
         return Explanations(tracked * (1.0 - moved), anywhere, other * (1.0 - moved), weights)
 
     def update(self, travel: float, at_anchors: np.ndarray, other: float) -> Explanations:

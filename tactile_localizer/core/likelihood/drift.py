@@ -39,6 +39,12 @@ class Trend(NamedTuple):
         level, rate = (each.take(trajectories, axis=0) for each in (self.map_level, self.map_rate))
         return self._replace(map_level=level, map_rate=rate)
 
+    def averaged(self, weights: np.ndarray) -> Trend:
+        """The mean over the first trajectories, with ``weights`` (P,)."""
+        narrow = weights.astype(np.float32)
+        level, rate = (narrow @ each[: len(weights)] for each in (self.map_level, self.map_rate))
+        return self._replace(map_level=level[None], map_rate=rate[None])
+
     def mixed(self, rows: np.ndarray, other: Trend, fraction: np.ndarray) -> Trend:
         """The trend where of ``rows`` (m,) int a ``fraction`` (m,) of the weight has the ``other`` trend."""
         share, level, rate = fraction.astype(np.float32)[:, None], self.map_level.copy(), self.map_rate.copy()
@@ -137,17 +143,11 @@ class Drift:
         return found, variance
 
 
-def innovations(
-    values: np.ndarray, memory: float, level_variance: float, pitch: float, robust: bool = False
-) -> np.ndarray:
-    """Innovations (n, C) of ``values`` (n, C) at every ``pitch`` metres of a sweep.
+def innovations(values: np.ndarray, memory: float, pitch: float, robust: bool = False) -> np.ndarray:
+    """Innovations (n, C) of ``values`` (n, C) at every ``pitch`` metres of a sweep whose level is unknown.
 
-    ``level_variance`` is that of the level before the first of them, in variances of a value: zero if it is
-    known; infinite if it is not, when the first innovation is zero. With ``robust``, a step that is large
-    compared with the noise begins a new level.
+    The first one is zero. With ``robust``, a step that is large compared with the noise begins a new level.
     """
-    if level_variance == 0.0:
-        return values
     count, channels = values.shape
     typical_step, largest = np.ones(channels), np.inf
     if robust and count > 1:
@@ -156,7 +156,7 @@ def innovations(
         smallest = np.maximum(digits.eps * np.abs(values).max(axis=0), digits.tiny)
         typical_step = np.maximum(np.median(np.abs(np.diff(values, axis=0)), axis=0), smallest)
         largest = OUTLIER * channels
-    drift = Drift(memory, 1.0, np.full(channels, level_variance), largest)
+    drift = Drift(memory, 1.0, np.full(channels, np.inf), largest)
     found = drift.along(values / typical_step, pitch, 1.0)[0] * typical_step
-    found[:1] *= drift.prior / (1.0 + drift.prior)  # the less, the less is known of the level
+    found[:1] = 0.0
     return found

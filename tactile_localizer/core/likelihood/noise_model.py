@@ -3,9 +3,7 @@
 The map, the alternatives to it and the level of a sweep all use this noise model.
 """
 
-import math
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +11,8 @@ from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
-from tactile_localizer.core.likelihood.drift import OUTLIER, Drift
-from tactile_localizer.core.likelihood.material import CLOTH_MEMORY, Material
-from tactile_localizer.core.likelihood.student_t import log_density, scatter, weight
+from tactile_localizer.core.likelihood.material import Material
+from tactile_localizer.core.likelihood.student_t import scatter, weight
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise, white_noise
 from tactile_localizer.core.scan.interpolation import HeldOut, hold_out
 from tactile_localizer.core.scan.lines import line_spacing
@@ -30,11 +27,8 @@ _DIAGONAL_LOADING = 0.05
 _FEATURELESS_STRETCH = 0.2
 """Length of the stretch that varies least, from which the featureless strain of a sweep is taken, as a
 fraction of the sweep."""
-WANDER_LENGTH = 0.05
-"""m over which a level that wanders is forgotten, where it is compared with a constant one. By judgement."""
 _CORRELATED = 0.002
-"""m within which deviations are alike: their energy is averaged over it, and residuals count as independent
-only beyond it. By judgement."""
+"""m within which deviations are alike: their energy is averaged over it. By judgement."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +82,7 @@ class WhitenedScan(NamedTuple):
     tracks : its sweeps, with strains as they were recorded
     spacing : of their lines, m
     held_out : tracks interpolated between the others; ``None`` of a single sweep
-    material : what the model takes from the kind of the material
+    material : kind of the material
     noise : the noise model
     levels : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
         level is known
@@ -106,8 +100,8 @@ class WhitenedScan(NamedTuple):
     signal: np.ndarray
 
 
-def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
-    """Estimate the noise of one visit from how the scan's sweeps differ.
+def whiten(scan: Scan, scene: Scene, material: Material) -> WhitenedScan:
+    """Estimate the noise of one visit from how the sweeps of a scan of a ``material`` differ.
 
     Raises
     ------
@@ -119,12 +113,7 @@ def whiten(scan: Scan, scene: Scene) -> WhitenedScan:
     held_out = hold_out(tracks, spacing) if len(tracks) > 1 else None
     white, resolution = white_noise(scan, scene), _resolution(scan.strain_on(scene))
     directions, back, layout = _directions(tracks, np.hypot(np.sqrt(white.variance[0]), resolution))
-    whitened = partial(_whitened, tracks, spacing, held_out, white, resolution, directions, back, layout)
-    if held_out is None:  # of the level of a single sweep nothing is known
-        return whitened(Material(0.0))
-    sheet = whitened(Material(1.0))
-    material = Material.of(_texture_ratio(sheet, held_out), _wander(sheet, held_out))
-    return sheet if material.sheet == 1.0 else whitened(material)
+    return _whitened(tracks, spacing, held_out, white, resolution, directions, back, layout, material)
 
 
 def _directions(tracks: Tracks, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray, ChannelLayout]:
@@ -159,11 +148,11 @@ def _whitened(
     material: Material,
 ) -> WhitenedScan:
     """A scan of a material, whitened; its channels have the ``resolution`` (C,), V."""
-    number, pitch = tracks.number, tracks.pitch
+    number, pitch, sheet = tracks.number, tracks.pitch, material is Material.SHEET
     felt, resolution = tracks.strain @ directions.T, np.sqrt(np.square(directions) @ resolution**2)
     middle = np.array([np.median(felt[own], axis=0) for own in tracks.slices])
-    differences = _differences(felt - middle[number], held_out, spacing, Material(1.0), pitch)
-    first = _whitening(differences, resolution, layout, Material(1.0))
+    differences = _differences(felt - middle[number], held_out, spacing, Material.SHEET, pitch)
+    first = _whitening(differences, resolution, layout, Material.SHEET)
     featureless = np.array(
         [_featureless_strain(tracks.strain[own], felt[own] @ first.T) for own in tracks.slices]
     )
@@ -171,7 +160,8 @@ def _whitened(
     turning = _turning(featureless, tracks)
     level = featureless - np.outer(_yaws(tracks), turning)
     centre = level.mean(axis=0)
-    strain = (tracks.strain - material.mixed(featureless, centre)[number]) @ directions.T
+    moved = featureless[number] if sheet else centre
+    strain = (tracks.strain - moved) @ directions.T
     differences = _differences(strain, held_out, spacing, material, pitch)
     square = _whitening(differences, resolution, layout, material)
     whitening, inverse = square @ directions, back @ np.linalg.inv(square)
@@ -184,51 +174,15 @@ def _whitened(
         np.square(inverse).sum(axis=1) + np.square(left_out) @ white.variance[0],
         np.array([np.log(np.diag(square)[own]).sum() for own in layout.slices]),
         material.session_ratio * _level_variance(level @ whitening.T, layout),
-        material.sheet * whitening @ turning,
+        whitening @ turning if sheet else np.zeros(layout.size),
         white,
     )
     strain = strain @ square.T
-    kept = material.mixed(
-        _kept(strain, layout, tracks), _reproducible_fraction(strain, held_out, material, pitch)
+    kept = (
+        _kept(strain, layout, tracks) if sheet else _reproducible_fraction(strain, held_out, material, pitch)
     )
-    levels = material.sheet * (level - centre)
+    levels = level - centre if sheet else np.zeros_like(level)
     return WhitenedScan(tracks, spacing, held_out, material, noise, levels, strain, kept * strain)
-
-
-def _texture_ratio(scan: WhitenedScan, held_out: HeldOut) -> float:
-    """Median of the signal's energy over all places, divided by its 0.9 quantile.
-
-    The energy is the product of two sweeps: their noise is independent, so it vanishes in the mean, however
-    noisy the sensor is. Between features it is nearly zero, but not on a texture.
-    """
-    layout = scan.noise.layout
-    expected = held_out.interpolation.best(1).expected(scan.strain).mean[:, 0]
-    product, width = scan.strain[held_out.points] * expected, _points(CLOTH_MEMORY, scan.tracks)
-    energy = layout.mean(_smoothed(product, held_out.slices, width))
-    typical, strong = np.quantile(energy, [0.5, 0.9], axis=0).sum(axis=1)
-    return float(max(typical, 0.0) / max(strong, 1e-300))
-
-
-def _wander(scan: WhitenedScan, held_out: HeldOut) -> float:
-    """Log-likelihood of held-out residuals under a level that wanders, less that under a constant one, nats.
-
-    It is predictive: of each residual given those before it. Strains nearer than :data:`_CORRELATED` count
-    in part, and so do those at places where the map itself is uncertain.
-    """
-    layout, pitch = scan.noise.layout, scan.tracks.pitch
-    expected = held_out.interpolation.best(1).expected(scan.signal)
-    # The noise of the mean is left in: where a map is of few sweeps, the safer model is preferred.
-    variance = 1.0 + layout.mean(expected.interpolation_error[:, 0])
-    residual = (scan.strain[held_out.points] - expected.mean[:, 0]) / np.sqrt(layout.expand(variance))
-    exponent, total = min(1.0, pitch / _CORRELATED), 0.0
-    for memory, sign in ((WANDER_LENGTH, 1.0), (math.inf, -1.0)):
-        drift = Drift(memory, 1.0, np.maximum(scan.noise.level_variance, 1e-6), OUTLIER * layout.size)
-        for own in held_out.slices:
-            innovations, level = drift.along(residual[own], pitch, exponent)
-            variance = 1.0 + layout.mean(level)
-            squared = layout.sum(innovations**2)
-            total += sign * exponent * float(log_density(squared, variance, layout.widths).sum())
-    return total
 
 
 def _differences(
@@ -256,7 +210,7 @@ def _whitening(
     scaled, separate = differences / unit, np.zeros((layout.size,) * 2)
     for own in layout.slices:
         separate[own, own] = scatter(scaled[:, own])
-    matrix = material.mixed(separate, scatter(scaled))
+    matrix = separate if material is Material.SHEET else scatter(scaled)
     matrix += np.diag(_DIAGONAL_LOADING * matrix.diagonal() + (resolution / unit) ** 2 / 12.0)
     return np.linalg.inv(np.linalg.cholesky(matrix)) / unit
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, weight
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
 
 _STRENGTHS = np.array([0.0, 0.03, 0.1, 0.3, 1.0, 3.0])
 """Variances of the signal of other material, in those of the map's own signal; zero is featureless."""
@@ -56,21 +56,11 @@ class OtherMaterial:
         count = len(self._spread)
         return np.full((count, self._layout.phalanges), 1.0 / count)
 
-    def energy(self, innovation: np.ndarray, level_variance: np.ndarray) -> np.ndarray:
-        """Energy (..., F) of innovations (..., C) per channel, in variances of featureless material.
-
-        Large ones are bounded as by the weights of the t-distribution.
-        """
-        widths = self._layout.widths
-        squared = self._layout.sum(np.square(innovation)) / (self._variance + level_variance)
-        return np.asarray(squared * weight(squared, widths) / widths)
-
     def update(
         self,
         weights: np.ndarray,
         innovation: np.ndarray,
         level_variance: np.ndarray,
-        factor: np.ndarray,
         used: np.ndarray,
         travel: float,
         exponent: float,
@@ -82,14 +72,12 @@ class OtherMaterial:
         weights : (G, F) of the strengths, each phalanx's with a sum of one
         innovation : (C,) of a strain from featureless material
         level_variance : (F,) of the level from which it deviates
-        factor : (F,) of the variances in this sweep, as on the map
         used : (F,) bool, phalanges that count
         travel : m since the last update
         exponent : fraction of an independent measurement that the innovation is
         """
         layout, tails = self._layout, DEGREES_OF_FREEDOM
-        variance = self._spread * layout.expand(factor)
-        variance += layout.expand(self._variance * factor + level_variance)
+        variance = self._spread + layout.expand(self._variance + level_variance)
         squared = np.square(innovation @ self._rotation) / variance
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
         densities -= 0.5 * layout.sum(np.log(variance))
@@ -100,18 +88,3 @@ class OtherMaterial:
         following /= following.sum(axis=0)
         following += -math.expm1(-travel / PATCH_LENGTH) * (1.0 / len(weights) - following)
         return float(total[used].sum()), np.where(used, following, weights)
-
-
-def noise_factor(
-    before: np.ndarray, energy: np.ndarray, quiet: np.ndarray, travel: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean energy (F,) of a sweep's innovations, and the ratio (F,) of its noise variance to the scan's.
-
-    Parameters
-    ----------
-    before : (F,) mean energy before
-    energy : (F,) of the innovation after ``travel`` metres (:meth:`OtherMaterial.energy`)
-    quiet : (F,) its usual value in the scan
-    """
-    mean = before + min(1.0, travel / ENERGY_LENGTH) * (energy - before)
-    return mean, np.maximum(mean / quiet, 1.0)

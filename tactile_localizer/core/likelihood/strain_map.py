@@ -8,6 +8,7 @@ import numpy as np
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.lattice import flatten_axes
 from tactile_localizer.core.geometry.motion import levers
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import WhitenedScan
 from tactile_localizer.core.likelihood.student_t import log_density, weight
 from tactile_localizer.core.scan.interpolation import Expectation, interpolate, tiles
@@ -137,26 +138,27 @@ def fit_variance(scan: WhitenedScan) -> VarianceModel:
     thinned = np.concatenate([points[own][:: max(1, len(points[own]) // _MOST_POINTS)] for own in slices])
     expected = interpolation.at(thinned).expected(scan.signal)
     by_component = residuals[thinned, None] + first.mean[thinned] - expected.mean
-    return _fitted(expected, by_component, layout, material.sheet)
+    return _fitted(expected, by_component, layout, material)
 
 
 def _fitted(
-    expected: Expectation, residual: np.ndarray, layout: ChannelLayout, sheet: float
+    expected: Expectation, residual: np.ndarray, layout: ChannelLayout, material: Material
 ) -> VarianceModel:
     """Factors under which residuals (M, K, C) are likeliest.
 
-    The signal counts as far as the material is a ``sheet``, with a level from which it deviates.
+    The signal counts on a sheet, which has a level from which it deviates.
 
     EM averages over the component and the scale of the t-distribution; the maximum over each
     factor of a bound of what is left is in closed form (Zhou et al., 2019, square root left out). The first
     values count as one observation each, so that they stay where there is none.
     """
+    sheet = float(material is Material.SHEET)
     counts = np.array([1.0, sheet, 1.0, sheet])
     first = np.append(VarianceModel(signal=_FIRST_SIGNAL).factors, _FIRST_GAIN)
     terms, widths, axes = _terms(expected, layout), layout.widths, ([1, 2, 3], [0, 1, 2])
     terms[1] *= sheet
     squared, energy = layout.sum(residual**2), sheet * layout.sum(expected.mean**2)
-    product = np.sqrt(sheet) * layout.sum(residual * expected.mean)
+    product = sheet * layout.sum(residual * expected.mean)
     factors = first
     for _ in range(_MOST_ITERATIONS):
         variance, gain = np.tensordot(factors[:3], terms, 1), factors[3]

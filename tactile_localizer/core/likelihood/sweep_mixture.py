@@ -9,14 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend
+from tactile_localizer.core.likelihood.gain import LEAST_VARIANCE, Gain
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
-from tactile_localizer.core.likelihood.student_t import log_density
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
 
 _ALIKE = 0.3
 """Difference of two components, in noise widths of a visit, below which they are one. It saves time."""
+_MEAN_SQUARE = DEGREES_OF_FREEDOM / (DEGREES_OF_FREEDOM - 2.0)
+"""Variance of the t-distribution, in that of its scale."""
 _LARGEST_STRAIN = 1e9
 """Largest whitened strain, at which others are clipped; its square is still a float32."""
 _LARGEST_LOG_RATIO = 700.0
@@ -30,7 +33,6 @@ class _Components(NamedTuple):
     ----------
     counts, starts : (M,) int, number of a node's components, and the first of them
     mean : (n, C) float32, whitened strain
-    energy : (F, n) float32, its squared length
     variance : (F, n) float32, variance of a new visit about it
     log_prior : (n,) float32
     """
@@ -38,9 +40,67 @@ class _Components(NamedTuple):
     counts: np.ndarray
     starts: np.ndarray
     mean: np.ndarray
-    energy: np.ndarray
     variance: np.ndarray
     log_prior: np.ndarray
+
+
+class _Residuals(NamedTuple):
+    """Residuals of a strain from the n components of N places, those of one place after those of another.
+
+    Parameters
+    ----------
+    place, starts : (n,) int, place of each component, and (N,) int, the first component of each place
+    squared : (F, n) float32, squared residual at the mean gain
+    product, energy : (F, n) float32, of the signal with the residual, and its squared length
+    spread : (F, n) float32, variance of the gain
+    variance : (F, n) float32, of a visit
+    log_prior : (n,) float32, of the components
+    """
+
+    place: np.ndarray
+    starts: np.ndarray
+    squared: np.ndarray
+    product: np.ndarray
+    energy: np.ndarray
+    spread: np.ndarray
+    variance: np.ndarray
+    log_prior: np.ndarray
+
+    def first(self, places: int) -> _Residuals:
+        """Those of the first ``places``."""
+        count = int(np.searchsorted(self.place, places))
+        each = (values[..., :count] for values in self[2:])
+        return _Residuals(self.place[:count], self.starts[:places], *each)
+
+    def log_likelihoods(self, variance: np.ndarray, channels: np.ndarray, used: np.ndarray) -> np.ndarray:
+        """Log-likelihoods (N,) of the phalanges ``used`` (F,) bool, with ``variance`` (F, n) of a visit."""
+        projected, along = self.spread * np.square(self.product), self.spread * self.energy
+        plain = log_density(self.squared, variance, channels, projected, along) + self.log_prior
+        if len(self.place) == len(self.starts):
+            return np.asarray(used @ plain.astype(np.float64))
+        # Relative to the first component, which is faster than to the largest of each place.
+        first = plain.take(self.starts, axis=1).astype(np.float64)
+        ratios = np.exp(np.minimum(plain - first.take(self.place, axis=1), _LARGEST_LOG_RATIO))
+        return np.asarray(used @ (first + np.log([np.bincount(self.place, each) for each in ratios])))
+
+
+class OnMap(NamedTuple):
+    """Likelihoods of a strain at N places of the map: P states, then R anchors.
+
+    Parameters
+    ----------
+    states, anchors : (P,) and (R,) log-likelihoods under the variance of a visit in the scan
+    position : (P,) log-likelihoods under the variance of the sweep at hand
+    squared : (F, P) squared residuals, in those expected in the scan
+    information, product : (F, N) squared signal, and its product with the residual, over the variance
+    """
+
+    states: np.ndarray
+    anchors: np.ndarray
+    position: np.ndarray
+    squared: np.ndarray
+    information: np.ndarray
+    product: np.ndarray
 
 
 class SweepMixture:
@@ -74,6 +134,7 @@ class SweepMixture:
         # A product with these rows sums over the channels of each phalanx.
         self._sums = layout.expand(np.eye(layout.phalanges, dtype=np.float32))
         self._components = self._distinct(strain_map)
+        self.gain_variance = max(strain_map.gain, LEAST_VARIANCE)
         self.excess = np.zeros(len(noise.centre))
         self._transform: np.ndarray | None = None
 
@@ -96,9 +157,8 @@ class SweepMixture:
         kept[:, 0] = True
         counts = kept.sum(axis=1)
         starts = counts.cumsum() - counts
-        by_phalanx, kept_mean = np.ascontiguousarray(variance[kept].T), mean[kept]
-        energy = self._sums @ np.square(kept_mean).T
-        return _Components(counts, starts, kept_mean, energy, by_phalanx, log_prior[kept])
+        by_phalanx = np.ascontiguousarray(variance[kept].T)
+        return _Components(counts, starts, mean[kept], by_phalanx, log_prior[kept])
 
     def with_noise(self, excess: np.ndarray) -> SweepMixture:
         """The model of a sweep whose strains have more noise than the scan's, by ``excess`` (C,), V^2.
@@ -169,44 +229,61 @@ class SweepMixture:
         nodes: np.ndarray,
         states: int,
         innovation: Innovation,
-        factor: np.ndarray,
+        gain: Gain,
+        scale: np.ndarray,
         used: np.ndarray,
-    ) -> np.ndarray:
-        """Log-likelihoods (N,) of a strain at states and anchors.
+    ) -> OnMap:
+        """Likelihoods of a strain at N places, of which the first P are states and the others anchors.
 
         Parameters
         ----------
-        nodes : (N,) of the map, nearest to the P states and then to the R anchors
+        nodes : (N,) of the map, nearest to the places
         states : their number P
         innovation : of the strain, with the map's trend at these N places
-        factor : (F,) of the variance of a visit in this sweep
+        gain : of the sweep's signal along the trajectories to these N places
+        scale : (F,) of the squared residuals of the sweep, in those of the scan
         used : (F,) bool, phalanges that count
         """
-        components, gain = self._components, np.float32(self.map.gain)
+        felt = self._residuals(nodes, states, innovation, gain)
+        larger = np.maximum(scale, 1.0).astype(np.float32)[:, None]
+        likelihoods = felt.log_likelihoods(felt.variance, self._channels, used)
+        at_states = position = likelihoods[:states]
+        if (larger > 1.0).any():
+            of_states = felt.first(states)
+            position = of_states.log_likelihoods(of_states.variance * larger, self._channels, used)
+        at = felt.starts
+        squared, product, energy, spread, variance = (each.take(at, axis=1) for each in felt[2:7])
+        along = spread * np.square(product) / (variance + spread * energy)
+        squared = np.maximum(squared - along, 0.0) / (_MEAN_SQUARE * variance * self._channels)
+        squared = squared[:, :states]
+        variance = variance * larger
+        return OnMap(
+            at_states, likelihoods[states:], position, squared, energy / variance, product / variance
+        )
+
+    def _residuals(self, nodes: np.ndarray, states: int, innovation: Innovation, gain: Gain) -> _Residuals:
+        """Residuals of a strain from the components at states and anchors; see :meth:`on_map`."""
+        components = self._components
         counts = components.counts.take(nodes)
         counts[states:] = 1  # anchors: the first component alone
         ends = counts.cumsum()
         starts = ends - counts
         place = np.arange(len(nodes)).repeat(counts)
         rows = np.arange(len(place)) + (components.starts.take(nodes) - starts).take(place)
-        map_strain, energy = components.mean.take(rows, axis=0), components.energy.take(rows, axis=1)
-        detrended = innovation.of_strain.astype(np.float32) + innovation.map_trend
+        signal = components.mean.take(rows, axis=0)
+        signal -= innovation.map_trend.take(place, axis=0)
+        of_strain = innovation.of_strain.astype(np.float32)
         if self._transform is not None:
-            map_strain, detrended = map_strain @ self._transform.T, detrended @ self._transform.T
-            energy = self._sums @ np.square(map_strain).T
-        residual = detrended.take(place, axis=0)
-        residual -= map_strain
+            signal, of_strain = signal @ self._transform.T, self._transform @ of_strain
+        residual = of_strain - signal
+        energy, product = self._sums @ np.square(signal).T, self._sums @ (signal * residual).T
+        # From the residual of a gain of one to that of the mean gain.
+        more = 1.0 - gain.mean.take(place, axis=1)
+        squared = self._sums @ np.square(residual).T + more * (2.0 * product + more * energy)
+        product += more * energy
         variance = components.variance.take(rows, axis=1)
-        variance *= factor.astype(np.float32)[:, None]
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
-        map_strain *= residual
-        projected = gain * np.square(self._sums @ map_strain.T)
-        squared = self._sums @ np.square(residual, out=residual).T
         log_prior = components.log_prior.take(rows)
         log_prior[ends[states - 1] :] = 0.0
-
-        plain = log_density(squared, variance, self._channels, projected, gain * energy) + log_prior
-        # Relative to the first component, which is faster than to the largest of each place.
-        first = plain.take(starts, axis=1).astype(np.float64)
-        ratios = np.exp(np.minimum(plain - first.take(place, axis=1), _LARGEST_LOG_RATIO))
-        return np.asarray(used @ (first + np.log([np.bincount(place, each) for each in ratios])))
+        spread = gain.variance.take(place, axis=1)
+        return _Residuals(place, starts, squared, product, energy, spread, variance, log_prior)

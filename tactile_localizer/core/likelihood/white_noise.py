@@ -143,8 +143,10 @@ class SweepNoise:
         Zero where it does so by less than :data:`_SIGNIFICANT` standard errors of the scan's noise.
         """
         usual = self._of_scan.at(self._spacing)
-        most = usual * (1.0 + _SIGNIFICANT * _ERROR * math.sqrt(self._gain))
-        more = np.where(self._variance > most, self._variance - usual, 0.0)
+        noisy = self._variance > usual * (1.0 + _SIGNIFICANT * _ERROR * math.sqrt(self._gain))
+        if not noisy.any():
+            return np.zeros_like(usual)
+        more = np.where(noisy, self._variance - usual, 0.0)
         return np.asarray(more / max(pitch / max(self._spacing, 1e-9), 1.0))
 
     @property

@@ -19,6 +19,7 @@ import numpy as np
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import Examination, Outcome
 from tactile_localizer.core.factory import learn
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
@@ -32,7 +33,7 @@ _log = logging.getLogger(__name__)
 
 FILE = "calibration.json"
 _MOST_BYTES = 2**20
-ALGORITHM = 20
+ALGORITHM = 21
 """Number that changes with the algorithm of :func:`~.factory.learn`."""
 
 
@@ -55,6 +56,7 @@ def learned_calibration(
         if content == _content(digest, learned):
             return Calibration(
                 np.array(learned["registration_std"]),
+                Material(learned["material"]),
                 learned["variance"] and VarianceModel(**learned["variance"]),
                 _examination(learned["examination"]),
             )
@@ -76,6 +78,7 @@ def store_calibration(path: Path, digest: str, calibration: Calibration) -> None
     """Write a calibration to a file in the folder of a scan; a failure is logged as a warning."""
     learned = {
         "registration_std": calibration.registration_std.tolist(),
+        "material": calibration.material.value,
         "variance": calibration.variance and dataclasses.asdict(calibration.variance),
         "examination": dataclasses.asdict(calibration.examination),
     }

@@ -43,7 +43,7 @@ def score_figure(examination: Examination, size_in: tuple[float, float]) -> Figu
     """
     figure = Figure(figsize=size_in, layout="constrained")
     plot = figure.subplots()
-    lengths, on_map, off_map = np.array(examination.scores).T
+    lengths, on_map, off_map = np.array(examination.scores, dtype=float).T
     plot.plot(MM * lengths, on_map, "o-", color="tab:blue", label="sweeps on the map")
     if examination.off_map:
         plot.plot(MM * lengths, off_map, "s--", color="tab:orange", label="parts that are not on it")

@@ -15,7 +15,6 @@ from support.scans import scene
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.grid import GridFilter
 from tactile_localizer.core.filters.particle import ParticleFilter
-from tactile_localizer.core.geometry.anchors import Anchors, Injection
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -40,14 +39,6 @@ def particle(of: Scene = PLANE, _: float = 0.0) -> BayesFilter:
 
 
 both = pytest.mark.parametrize("make", [grid, particles])
-
-
-def single_box(of: Scene, place: np.ndarray, fraction: float) -> Injection:
-    """A belief in the anchor's box in which ``place`` (d,) is."""
-    anchors = Anchors(of)
-    weights = np.zeros(len(anchors))
-    weights[anchors.index(place[None])] = 1.0
-    return Injection(fraction, anchors, weights)
 
 
 @both
@@ -123,9 +114,9 @@ def test_whatever_happens_the_belief_sums_to_one(make: Make, seed: int, size: fl
     made = make(PLANE, 25.0)
     for _ in range(5):
         displacement = 0.01 * rng.standard_normal(2)
-        injection = single_box(PLANE, 0.05 * rng.random(2), 0.1 * float(rng.random()))
+        injected = 0.1 * float(rng.random())
         travel = float(np.hypot(*displacement))
-        belief, _ = step(made, model, rng.standard_normal(16), displacement, travel, injection)
+        belief, _ = step(made, model, rng.standard_normal(16), displacement, travel, injected)
         states, weights = made.hypotheses()
         assert weights.sum() == pytest.approx(1.0, abs=1e-12)
         assert (weights >= 0).all()
@@ -150,7 +141,7 @@ def test_a_state_continues_its_ancestor_but_for_what_was_injected(make: Make) ->
     assert not made.predict(np.zeros(1), 0.0).continued.any(), "nothing was there before"
     made.seed(np.array([0.02]), np.array([0.003]))
     assert not made.predict(np.zeros(1), 0.0).continued.any(), "a seed has no ancestors"
-    prediction = made.predict(np.zeros(1), 0.0, single_box(LINE, np.array([0.08]), 0.4))
+    prediction = made.predict(np.zeros(1), 0.0, 0.4)
     assert prediction.weights @ prediction.continued == pytest.approx(0.6, abs=0.05)
 
 
@@ -159,16 +150,16 @@ def test_hypotheses_handed_out_do_not_change_afterwards(make: Make) -> None:
     made = make()
     states, weights = made.hypotheses()
     before = states.copy(), weights.copy()
-    step(made, MODEL, STRAIN, np.array([0.01, 0.0]), 0.01, single_box(PLANE, np.array([0.04, 0.04]), 0.5))
+    step(made, MODEL, STRAIN, np.array([0.01, 0.0]), 0.01, 0.5)
     np.testing.assert_array_equal(states, before[0])
     np.testing.assert_array_equal(weights, before[1])
 
 
 @both
-def test_belief_is_injected_wherever_an_anchor_is(make: Make) -> None:
+def test_what_is_injected_is_uniform(make: Make) -> None:
     made = make(LINE, 200.0)
-    for place in Anchors(LINE).states[::7]:
-        made.seed(np.array([0.02]), np.array([0.003]))
-        prediction = made.predict(np.zeros(1), 0.0, single_box(LINE, place, 0.4))
-        near = np.abs(prediction.states[:, 0] - place) < 0.0006
-        assert prediction.weights[near].sum() > 0.38
+    made.seed(np.array([0.02]), np.array([0.003]))
+    prediction = made.predict(np.zeros(1), 0.0, 0.4)
+    for place in (0.04, 0.06, 0.08):
+        near = np.abs(prediction.states[:, 0] - place) < 0.01
+        assert prediction.weights[near].sum() == pytest.approx(0.4 * 0.02 / LINE.extent[0], abs=0.03)

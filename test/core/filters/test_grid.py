@@ -63,3 +63,11 @@ def test_diffusion_that_is_saved_up_is_part_of_the_covariance(step):
         assert before == pytest.approx(0.03**2 + 0.01**2 / 12.0, abs=1e-8)
         grid.predict(np.zeros(1), step)
         assert flat_update(grid).covariance[0, 0] - before == pytest.approx(0.1**2 * step, rel=1e-3)
+
+
+def test_what_diffuses_beyond_a_bound_has_left():
+    """Of a belief 5 mm from a bound, with a step of 20 mm, two fifths."""
+    grid = GridFilter(line(motion_std=0.1), np.array([0.01]))
+    grid.seed(np.array([0.495]), np.array([0.005]))
+    flat_update(grid)
+    assert grid.predict(np.array([0.0]), 0.04).left == pytest.approx(0.4, abs=0.1)

@@ -19,9 +19,11 @@ displacements = st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3)
 def test_they_move_with_the_palm_and_return_at_the_opposite_bound(of: Scene, along: list[float]) -> None:
     anchors = Anchors(of)
     before, displacement = anchors.states, np.array(along[: of.dimension])
-    anchors.move(displacement)
+    left = anchors.move(displacement)
     turns = (anchors.states - before - displacement) / of.extent
     np.testing.assert_allclose(turns, np.rint(turns), atol=1e-9)
+    # Round a full turn they have not left.
+    np.testing.assert_array_equal(left, np.rint(turns)[:, ~of.wraps].any(axis=1))
     assert (anchors.states >= of.lower - 1e-9).all()
     assert (anchors.states <= of.upper + 1e-9).all()
     anchors.reset()
@@ -29,12 +31,11 @@ def test_they_move_with_the_palm_and_return_at_the_opposite_bound(of: Scene, alo
 
 
 @every_scene
-@given(along=displacements, seed=st.integers(0, 2**32 - 1))
-def test_a_state_is_in_the_box_whose_centre_is_nearest(of: Scene, along: list[float], seed: int) -> None:
+def test_they_are_the_centres_of_equal_boxes_that_cover_the_scene(of: Scene) -> None:
     anchors = Anchors(of)
-    anchors.move(np.array(along[: of.dimension]))
-    states = of.lower + np.random.default_rng(seed).random((50, of.dimension)) * of.extent
-    away = (states - anchors.states[anchors.index(states)]) / of.extent
-    away = (away - np.rint(away)) * of.extent
-    assert (np.abs(away) <= 0.5 * anchors.pitch + 1e-9).all()
-    np.testing.assert_array_equal(anchors.index(anchors.states), np.arange(len(anchors)))
+    for along, lower, upper, pitch in zip(
+        anchors.states.T, of.lower, of.lower + of.extent, anchors.pitch, strict=True
+    ):
+        places = np.unique(along.round(9))
+        np.testing.assert_allclose(places, np.arange(lower + 0.5 * pitch, upper, pitch), atol=1e-8)
+    assert len(anchors) * np.prod(anchors.pitch) == pytest.approx(np.prod(of.extent))

@@ -28,14 +28,14 @@ def after(*updates: tuple[float, float, float], travel: float = 0.001) -> Conver
 @pytest.mark.parametrize(
     ("updates", "state", "reason"),
     [
-        ([HOLDS], State.SEARCHING, "not converged: held over 1.0 of 2.0 mm"),
-        ([HOLDS] * 2, State.CONVERGED, "converged: probability 0.999"),
-        ([HOLDS, FAR, HOLDS], State.SEARCHING, "not converged: held over 1.0"),
-        ([HOLDS, HOLDS, (1.0, 0.52, 0.48)], State.CONVERGED, "converged: probability 0.520, kept"),
-        ([HOLDS, HOLDS, (1.0, 0.48, 0.52)], State.LOST, "lost: the map explains what is felt"),
-        ([HOLDS, HOLDS, FAR, FAR], State.LOST, "lost: the position is within the radius"),
-        ([HOLDS, HOLDS, FAR, HOLDS], State.SEARCHING, "not converged: held over 1.0"),
-        ([HOLDS, HOLDS, FAR, HOLDS, HOLDS], State.CONVERGED, "converged"),
+        ([HOLDS] * 2, State.SEARCHING, "not converged: held over 1.0 of 2.0 mm"),
+        ([HOLDS] * 3, State.CONVERGED, "converged: probability 0.999"),
+        ([*[HOLDS] * 2, FAR, *[HOLDS] * 2], State.SEARCHING, "not converged: held over 1.0"),
+        ([*[HOLDS] * 3, (1.0, 0.52, 0.48)], State.CONVERGED, "converged: probability 0.520, kept"),
+        ([*[HOLDS] * 3, (1.0, 0.48, 0.52)], State.LOST, "lost: the map explains what is felt"),
+        ([*[HOLDS] * 3, FAR, FAR], State.LOST, "lost: the position is within the radius"),
+        ([*[HOLDS] * 3, FAR, *[HOLDS] * 2], State.SEARCHING, "not converged: held over 1.0"),
+        ([*[HOLDS] * 3, FAR, *[HOLDS] * 3], State.CONVERGED, "converged"),
         ([FAR], State.SEARCHING, "not converged: the position is within the radius with probability 0.10"),
         ([(1.0, 0.7, 0.2)], State.SEARCHING, "not converged: the map explains what is felt with probability"),
         ([(1.0, 0.02, 0.98)], State.SEARCHING, "not converged: the map explains what is felt with"),
@@ -56,7 +56,7 @@ def test_a_hand_at_rest_does_not_converge() -> None:
 
 
 def test_a_reset_forgets() -> None:
-    convergence = after(HOLDS, HOLDS)
+    convergence = after(*[HOLDS] * 3)
     convergence.reset()
     assert convergence.state is State.SEARCHING
     assert convergence.probability == 0.0
@@ -72,3 +72,10 @@ def test_the_probability_includes_the_registration_error(dimension: int, std: fl
     inside = (np.square(moved / radius).sum(axis=-1) <= 1.0).mean(axis=1)
     found = probability_within(away, weights, radius, np.full(dimension, std**2))
     assert found == pytest.approx(weights @ inside, abs=0.01)
+
+
+@pytest.mark.parametrize(("beyond", "expected"), [(1.0, 0.1587), (2.0, 0.02275), (2.5, 0.0062)])
+def test_a_state_some_deviations_outside_of_the_radius_counts_in_part(beyond: float, expected: float) -> None:
+    away = np.array([[0.0075 + beyond * 0.001]])
+    found = probability_within(away, np.ones(1), np.array([0.0075]), np.array([0.001**2]))
+    assert found == pytest.approx(expected, abs=0.003)

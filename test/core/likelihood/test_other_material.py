@@ -7,12 +7,7 @@ from scipy.integrate import quad
 from scipy.special import gammaln
 
 from tactile_localizer.channels import ChannelLayout
-from tactile_localizer.core.likelihood.other_material import (
-    ENERGY_LENGTH,
-    PATCH_LENGTH,
-    OtherMaterial,
-    noise_factor,
-)
+from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH, OtherMaterial
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
 from tactile_localizer.core.likelihood.student_t import log_density
 
@@ -21,7 +16,7 @@ SIGNAL = np.zeros((4, 4))
 SIGNAL[:3, :3] = 40.0 * np.array([[2.0, 1.0, 0.0], [1.0, 2.0, 0.5], [0.0, 0.5, 1.0]])
 SIGNAL[3, 3] = 40.0
 MATERIAL = OtherMaterial(LAYOUT, SIGNAL, np.full(LAYOUT.phalanges, 1.3))
-NONE, BOTH, SCALE = np.zeros(2), np.ones(2, dtype=bool), np.ones(2)
+NONE, BOTH = np.zeros(2), np.ones(2, dtype=bool)
 EXPONENT, TRAVEL = 0.3, 0.0005
 
 
@@ -34,7 +29,7 @@ def after(material: OtherMaterial, innovations: np.ndarray) -> np.ndarray:
     """Probabilities (G, F) of the strengths after innovations (n, C)."""
     weights = material.start()
     for innovation in innovations:
-        _, weights = material.update(weights, innovation, NONE, SCALE, BOTH, TRAVEL, EXPONENT)
+        _, weights = material.update(weights, innovation, NONE, BOTH, TRAVEL, EXPONENT)
     return weights
 
 
@@ -45,7 +40,7 @@ def test_its_likelihood_is_a_density() -> None:
 
     def density(strain: float) -> float:
         innovation, one = np.array([strain]), np.ones(1)
-        total, _ = material.update(weights, innovation, 0.7 * one, 2.0 * one, one.astype(bool), TRAVEL, 1.0)
+        total, _ = material.update(weights, innovation, 0.7 * one, one.astype(bool), TRAVEL, 1.0)
         return float(np.exp(total + log_constant(1)))
 
     assert quad(density, -np.inf, np.inf, limit=200)[0] == pytest.approx(1.0, abs=1e-6)
@@ -54,13 +49,11 @@ def test_its_likelihood_is_a_density() -> None:
 def test_without_a_signal_it_is_featureless_material() -> None:
     featureless = np.zeros_like(MATERIAL.start())
     featureless[0] = 1.0
-    innovation, level, scale = np.array([1.0, -2.0, 0.5, 3.0]), np.array([0.7, 0.0]), np.array([2.0, 1.0])
-    total, _ = MATERIAL.update(featureless, innovation, level, scale, BOTH, TRAVEL, EXPONENT)
+    innovation, level = np.array([1.0, -2.0, 0.5, 3.0]), np.array([0.7, 0.0])
+    total, _ = MATERIAL.update(featureless, innovation, level, BOTH, TRAVEL, EXPONENT)
     expected = sum(
         stats.multivariate_t(np.zeros(size), variance * np.eye(size), df=NU).logpdf(own) - log_constant(size)
-        for size, variance, own in zip(
-            LAYOUT.counts, 1.3 * scale + level, LAYOUT.split(innovation), strict=True
-        )
+        for size, variance, own in zip(LAYOUT.counts, 1.3 + level, LAYOUT.split(innovation), strict=True)
     )
     assert total == pytest.approx(expected)
 
@@ -81,28 +74,27 @@ def test_strengths_follow_the_signal_of_each_phalanx_and_are_forgotten() -> None
 
 def test_after_the_length_of_a_patch_its_strength_may_be_any() -> None:
     before = np.random.default_rng(0).dirichlet(np.ones(len(MATERIAL.start())), 2).T
-    _, found = MATERIAL.update(before, np.zeros(4), NONE, SCALE, BOTH, PATCH_LENGTH, 0.0)
+    _, found = MATERIAL.update(before, np.zeros(4), NONE, BOTH, PATCH_LENGTH, 0.0)
     kept = np.exp(-1.0)
     np.testing.assert_allclose(found, kept * before + (1.0 - kept) / len(before))
 
 
 @pytest.mark.parametrize("volts", [1e2, 1e4, 1e8])
-@pytest.mark.parametrize("factor", [1.0, 6.0])
 def test_a_strain_in_another_unit_is_other_material_however_uncertain_a_place_of_the_map_is(
-    volts: float, factor: float
+    volts: float,
 ) -> None:
-    """Far off in every direction, also in those in which the map has no signal, and in a noisy sweep."""
-    strain, scale = factor * volts * np.random.default_rng(0).standard_normal(4), factor * SCALE
-    total, _ = MATERIAL.update(MATERIAL.start(), strain, NONE, scale, BOTH, TRAVEL, EXPONENT)
+    """Far off in every direction, also in those in which the map has no signal."""
+    strain = volts * np.random.default_rng(0).standard_normal(4)
+    total, _ = MATERIAL.update(MATERIAL.start(), strain, NONE, BOTH, TRAVEL, EXPONENT)
     signal = np.array([np.linalg.eigvalsh(SIGNAL[own, own]).max() for own in LAYOUT.slices])
-    there = log_density(LAYOUT.sum(strain**2), 0.5 * scale * signal, LAYOUT.widths).sum()
+    there = log_density(LAYOUT.sum(strain**2), 0.5 * signal, LAYOUT.widths).sum()
     assert total > there
 
 
 def test_a_signal_in_a_direction_in_which_the_map_has_none_is_other_material_too() -> None:
     material, one = OtherMaterial(ChannelLayout((2,)), np.diag([40.0, 0.0]), np.array([1.3])), np.ones(1)
     along, across = (
-        material.update(material.start(), strain, 0.0 * one, one, one.astype(bool), TRAVEL, EXPONENT)[0]
+        material.update(material.start(), strain, 0.0 * one, one.astype(bool), TRAVEL, EXPONENT)[0]
         for strain in 30.0 * np.eye(2)
     )
     assert across > along - 5.0
@@ -111,17 +103,10 @@ def test_a_signal_in_a_direction_in_which_the_map_has_none_is_other_material_too
 def test_a_phalanx_that_does_not_count_changes_nothing() -> None:
     first, start = np.array([True, False]), MATERIAL.start()
     one, other = (np.array([1.0, 2.0, 3.0, last]) for last in (0.0, 1e6))
-    found = [MATERIAL.update(start, strain, NONE, SCALE, first, TRAVEL, EXPONENT) for strain in (one, other)]
+    found = [MATERIAL.update(start, strain, NONE, first, TRAVEL, EXPONENT) for strain in (one, other)]
     assert found[0][0] == found[1][0]
     for _, weights in found:
         np.testing.assert_array_equal(weights[:, 1], start[:, 1])
-
-
-def test_energy_is_in_variances_and_bounded() -> None:
-    """One, where the squared length is the number of channels; of outliers as much as a t-distribution's."""
-    unit = np.sqrt(1.3 + 0.7) * np.ones(4)
-    np.testing.assert_allclose(MATERIAL.energy(unit, np.full(2, 0.7)), 1.0)
-    np.testing.assert_allclose(MATERIAL.energy(1e9 * unit, NONE), (NU + LAYOUT.widths) / LAYOUT.widths)
 
 
 def test_it_is_the_same_material_in_other_coordinates() -> None:
@@ -130,16 +115,7 @@ def test_it_is_the_same_material_in_other_coordinates() -> None:
     transform = np.eye(4)
     transform[:3, :3] = rotation
     innovation, start = np.array([1.0, -20.0, 5.0, 3.0]), MATERIAL.start()
-    plain, _ = MATERIAL.update(start, innovation, NONE, SCALE, BOTH, TRAVEL, EXPONENT)
+    plain, _ = MATERIAL.update(start, innovation, NONE, BOTH, TRAVEL, EXPONENT)
     turned = MATERIAL.transformed(transform)
-    moved, _ = turned.update(start, transform @ innovation, NONE, SCALE, BOTH, TRAVEL, EXPONENT)
+    moved, _ = turned.update(start, transform @ innovation, NONE, BOTH, TRAVEL, EXPONENT)
     assert moved == pytest.approx(plain)
-
-
-def test_a_sweep_that_deviates_more_than_the_scan_widens_a_visit_by_as_much():
-    quiet = np.array([0.5, 2.0])
-    for energy, factor in ((0.1, 1.0), (3.0, 3.0), (50.0, 50.0)):
-        _, found = noise_factor(quiet, energy * quiet, quiet, ENERGY_LENGTH)
-        np.testing.assert_allclose(found, factor)
-    mean, _ = noise_factor(quiet, 3.0 * quiet, quiet, 0.5 * ENERGY_LENGTH)
-    np.testing.assert_allclose(mean, 2.0 * quiet)

@@ -85,7 +85,7 @@ def test_cells_on_three_axes_are_limited_in_number() -> None:
 
 def test_the_variance_of_white_noise_is_one() -> None:
     scan = repeats(correlation=1e-9)
-    fitted = fit_variance(whiten(scan, LINE))
+    fitted = fit_variance(whiten(scan, LINE, Material.CLOTH))
     assert fitted.visit == pytest.approx(1.0, rel=0.25)
     assert fitted.signal == 0.0, "the material has no zero to measure a signal from"
 
@@ -97,7 +97,7 @@ def test_on_cloth_the_noise_of_a_visit_explains_what_differs_with_the_signal() -
     for _ in range(3):
         visits.append(waves * (1.0 + 0.3 * rng.standard_normal((len(x), 1))))
     scan = whitened_scan(slides(LINE, x, visits), LINE)
-    sheet, cloth = (fit_variance(scan._replace(material=Material(value))) for value in (1.0, 0.0))
+    sheet, cloth = (fit_variance(scan._replace(material=each)) for each in Material)
     assert cloth.signal == cloth.gain == 0.0
     assert cloth.visit == pytest.approx(1.7, rel=0.15)
     assert sheet.visit < 0.2
@@ -106,7 +106,7 @@ def test_on_cloth_the_noise_of_a_visit_explains_what_differs_with_the_signal() -
 
 def test_a_single_sweep_has_the_default_variance() -> None:
     scan = repeats(1e-9)
-    assert fit_variance(whiten(scan.select(scan.sweep == 0), LINE)) == VarianceModel()
+    assert fit_variance(whiten(scan.select(scan.sweep == 0), LINE, Material.CLOTH)) == VarianceModel()
 
 
 def test_where_both_lines_are_featureless_the_map_has_no_noise() -> None:

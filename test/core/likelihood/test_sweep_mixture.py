@@ -8,11 +8,12 @@ from support.models import noise_model
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.likelihood.drift import Drift, Innovation
+from tactile_localizer.core.likelihood.gain import Gain
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
-from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
+from tactile_localizer.core.likelihood.sweep_mixture import OnMap, SweepMixture
 
 NODES, COMPONENTS, GAIN = 30, 3, 0.2
 STATES = (np.arange(NODES) + 0.5)[:, None] * 0.001
@@ -31,7 +32,7 @@ def mixture(counts: tuple[int, ...]) -> SweepMixture:
     strain_map = StrainMap(*lattice, *tables, GAIN, np.zeros((1, size)))
     other = OtherMaterial(layout, np.eye(size), np.full(layout.phalanges, 1.3))
     drift = Drift(np.inf, 1.0, np.zeros(size))
-    return SweepMixture(noise_model(layout, 4.0, 0.1), strain_map, drift, other, Material(1.0))
+    return SweepMixture(noise_model(layout, 4.0, 0.1), strain_map, drift, other, Material.SHEET)
 
 
 def evaluated(
@@ -40,16 +41,17 @@ def evaluated(
     used: np.ndarray | None = None,
     level_variance: float = 0.0,
     scale: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Log-likelihoods at the nodes of a strain, V, of a sweep without a level: of states and of anchors."""
+    gain: Gain | None = None,
+) -> OnMap:
+    """Likelihoods at the nodes of a strain, V, of a sweep without a level: each node is state and anchor."""
     layout = model.noise.layout
     nodes, expected = model.map_at(np.concatenate([STATES, STATES]))
     level = np.full(layout.size, level_variance)
     innovation = Innovation(model.whitened(strain), np.zeros_like(expected), level)
     every = np.ones(layout.phalanges)
     scale, used = every if scale is None else scale, every.astype(bool) if used is None else used
-    found = model.on_map(nodes, NODES, innovation, scale, used)
-    return found[:NODES], found[NODES:]
+    gain = gain or Gain.start(layout.phalanges, len(nodes), model.gain_variance)
+    return model.on_map(nodes, NODES, innovation, gain, scale, used)
 
 
 def log_constant(channels: int) -> float:
@@ -58,17 +60,23 @@ def log_constant(channels: int) -> float:
 
 
 def direct(
-    model: SweepMixture, node: int, volts: np.ndarray, scale: np.ndarray, components: int = COMPONENTS
+    model: SweepMixture,
+    node: int,
+    volts: np.ndarray,
+    scale: np.ndarray,
+    components: int = COMPONENTS,
+    gain: Gain | None = None,
 ) -> np.ndarray:
     """The log-densities (F,) at a node, by scipy and float64: visits differ in the gain of the signal."""
     found, strain = [], model.whitened(volts)
+    gain = gain or Gain.start(len(scale), NODES, GAIN)
     for phalanx, own in enumerate(model.noise.layout.slices):
-        terms, size = [], own.stop - own.start
+        terms, size, factor = [], own.stop - own.start, float(gain.mean[phalanx, node])
         for component in range(components):
             mean = model.map.mean[node, component, own].astype(np.float64)
             shape = scale[phalanx] * float(model.map.variance[node, component, phalanx]) * np.eye(size)
-            shape += GAIN * np.outer(mean, mean)
-            density = stats.multivariate_t(mean, shape, df=NU).logpdf(strain[own])
+            shape += float(gain.variance[phalanx, node]) * np.outer(mean, mean)
+            density = stats.multivariate_t(factor * mean, shape, df=NU).logpdf(strain[own])
             prior = model.map.log_prior[node, component] if components > 1 else 0.0
             terms.append(float(prior) + density)
         found.append(float(logsumexp(terms)) - log_constant(size))
@@ -77,13 +85,76 @@ def direct(
 
 @pytest.mark.parametrize("counts", [(1,), (3, 5), (8, 8)])
 def test_float32_tables_agree_with_direct_evaluation(counts: tuple[int, ...]) -> None:
+    """Whatever is known of the gain along each trajectory, and in a sweep with larger residuals."""
     model, rng = mixture(counts), np.random.default_rng(1)
     for volts in (1.0, 10.0, 1e3):
         strain, scale = volts * rng.standard_normal(sum(counts)), rng.uniform(1.0, 4.0, len(counts))
-        both = evaluated(model, strain, scale=scale)
-        for found, components in zip(both, (COMPONENTS, 1), strict=True):
-            expected = [direct(model, node, strain, scale, components).sum() for node in range(NODES)]
-            np.testing.assert_allclose(found, expected, atol=2e-3)
+        shape, one = (len(counts), NODES), np.ones(len(counts))
+        known = (rng.uniform(0.5, 2.0, shape), rng.uniform(0.01, 0.3, shape))
+        gain = Gain(*(each.astype(np.float32) for each in known))
+        found = evaluated(model, strain, scale=scale, gain=Gain(*(np.tile(each, 2) for each in gain)))
+        for values, times, components in (
+            (found.states, one, COMPONENTS),
+            (found.anchors, one, 1),
+            (found.position, scale, COMPONENTS),
+        ):
+            expected = [direct(model, node, strain, times, components, gain).sum() for node in range(NODES)]
+            np.testing.assert_allclose(values, expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("times", [2.0, 30.0])
+def test_the_position_of_a_sweep_that_deviates_more_has_the_variance_of_its_residuals(times: float) -> None:
+    """Whether it is the map is judged by the variance of the scan."""
+    model, strain = mixture((3, 5)), np.array([1.0, -2.0, 0.5, 1.5, 0.0, 2.0, -1.0, 1.0])
+    tables = model.map._replace(variance=model.map.variance * np.float32(times**2))
+    wider = SweepMixture(model.noise, tables, model.drift, model.other, Material.SHEET)
+    plain, found = (evaluated(model, strain, scale=scale * np.ones(2)) for scale in (1.0, times**2))
+    np.testing.assert_allclose(found.position, evaluated(wider, strain).states, atol=1e-4)
+    np.testing.assert_array_equal(found.states, plain.states)
+    np.testing.assert_array_equal(found.anchors, plain.anchors)
+    # What is learned of the gain is learned by that variance too.
+    np.testing.assert_allclose(found.information * times**2, plain.information, rtol=1e-5)
+    np.testing.assert_allclose(found.product * times**2, plain.product, rtol=1e-5)
+
+
+def test_a_sweep_that_deviates_less_than_the_scan_is_like_the_scan() -> None:
+    model, strain = mixture((3, 5)), np.linspace(-2.0, 2.0, 8)
+    plain, quiet, mixed = (
+        evaluated(model, strain, scale=np.array(scale)) for scale in ((1.0, 1.0), (0.1, 0.5), (0.1, 4.0))
+    )
+    assert plain.position is plain.states
+    np.testing.assert_array_equal(quiet.position, plain.states)
+    one = np.array([True, False])
+    alone, both = (evaluated(model, strain, one, scale=np.array(scale)) for scale in ((1.0, 1.0), (0.1, 4.0)))
+    np.testing.assert_array_equal(both.position, alone.states)
+    assert (mixed.position != plain.states).all()
+
+
+def test_squared_residuals_are_those_that_the_scan_does_not_expect() -> None:
+    """In those of the t-distribution, per channel; the gain explains its part of them."""
+    model, strain = mixture((3, 5)), np.array([1.0, -2.0, 0.5, 1.5, 0.0, 2.0, -1.0, 1.0])
+    nodes, mean = model.map_at(STATES)
+    for times in (1.0, 10.0):
+        volts = model.in_volts(strain, mean[7] + times * model.whitened(strain))
+        found = evaluated(model, volts).squared[:, 7]
+        for phalanx, own in enumerate(model.noise.layout.slices):
+            signal, residual = mean[7, own], times * model.whitened(strain)[own]
+            variance, size = float(model.map.variance[nodes[7], 0, phalanx]), own.stop - own.start
+            shape = variance * np.eye(size) + GAIN * np.outer(signal, signal)
+            expected = residual @ np.linalg.solve(shape, residual) / size / (NU / (NU - 2.0))
+            assert found[phalanx] == pytest.approx(expected, rel=1e-3)
+
+
+def test_strains_of_another_force_teach_the_gain_that_of_the_sweep() -> None:
+    """At the node where they are felt: its signal, times a half."""
+    model = mixture((8,))
+    signal = np.linalg.solve(model.noise.whitening, model.map.mean[4, 0].astype(np.float64))
+    gain = Gain.start(1, 2 * NODES, model.gain_variance)
+    for _ in range(100):
+        found = evaluated(model, model.noise.centre + 0.5 * signal, gain=gain)
+        gain = gain.updated(found.information, found.product, 1.0)
+    assert gain.mean[0, NODES + 4] == pytest.approx(0.5, abs=0.02)
+    assert found.anchors.argmax() == 4
 
 
 def test_components_that_are_alike_are_one() -> None:
@@ -92,8 +163,8 @@ def test_components_that_are_alike_are_one() -> None:
     tables = model.map._replace(mean=model.map.mean.copy(), variance=model.map.variance.copy())
     tables.mean[:, 1] = tables.mean[:, 0] + np.float32(0.03)
     tables.variance[:, 1] = tables.variance[:, 0]
-    merged = SweepMixture(model.noise, tables, model.drift, model.other, Material(1.0))
-    found, _ = evaluated(merged, strain)
+    merged = SweepMixture(model.noise, tables, model.drift, model.other, Material.SHEET)
+    found = evaluated(merged, strain).states
     expected = [direct(merged, node, strain, np.ones(2)) for node in range(NODES)]
     np.testing.assert_allclose(found, np.sum(expected, axis=1), atol=0.1)
 
@@ -103,7 +174,7 @@ def test_a_signal_of_another_force_fits_better_than_as_large_a_deviation_in_its_
     signal = np.linalg.solve(model.noise.whitening, model.map.mean[4, 0].astype(np.float64))
     turned = np.roll(signal, 1) * np.linalg.norm(signal) / np.linalg.norm(np.roll(signal, 1))
     stronger, other = (
-        evaluated(model, model.noise.centre + signal + 0.5 * more)[1][4] for more in (signal, turned)
+        evaluated(model, model.noise.centre + signal + 0.5 * more).anchors[4] for more in (signal, turned)
     )
     assert stronger > other + 1.0
 
@@ -113,14 +184,15 @@ def test_the_mixture_drops_an_absent_phalanx() -> None:
     strain = np.random.default_rng(3).standard_normal(8)
     one = evaluated(model, strain, used)
     strain[:3] = 1e6
-    np.testing.assert_array_equal(one, evaluated(model, strain, used))
+    for before, after in zip(one[:3], evaluated(model, strain, used), strict=False):
+        np.testing.assert_array_equal(before, after)
 
 
 def test_a_noisy_channel_loses_its_weight_and_the_others_keep_theirs() -> None:
     """Of one phalanx of two channels, one of which is noise alone in this sweep."""
     model, volts = mixture((2,)), np.array([3.0, -2.0])
     noisy = model.with_noise(np.array([1e12, 0.0]))
-    (_, found), (_, burst) = evaluated(noisy, volts), evaluated(noisy, volts + np.array([1e3, 0.0]))
+    found, burst = (evaluated(noisy, volts + np.array([by, 0.0])).anchors for by in (0.0, 1e3))
     np.testing.assert_allclose(burst, found, atol=1e-3)
     residual = model.whitened(volts)[1] - model.map.mean[:, 0, 1]
     variance = model.map.variance[:, 0, 0]
@@ -128,18 +200,19 @@ def test_a_noisy_channel_loses_its_weight_and_the_others_keep_theirs() -> None:
     left = residual**2 * variance / total
     alone = -0.5 * ((NU + 2.0) * np.log(variance + left / NU) - (NU + 1.0) * np.log(variance) + np.log(total))
     np.testing.assert_allclose(found, alone, atol=2e-3)
-    np.testing.assert_array_equal(evaluated(model, volts), evaluated(mixture((2,)), volts))
+    np.testing.assert_array_equal(evaluated(model, volts).states, evaluated(mixture((2,)), volts).states)
 
 
 def test_uncertainty_of_the_level_widens_every_density() -> None:
     model, far = mixture((3, 5)), np.full(8, 300.0)
     sure, unsure = (evaluated(model, far, level_variance=variance) for variance in (0.0, 100.0))
-    assert (np.array(unsure) > np.array(sure)).all()
+    assert (unsure.states > sure.states).all()
+    assert (unsure.anchors > sure.anchors).all()
 
 
 @pytest.mark.parametrize("strain", [1e6, -1e6, 1e12])
 def test_outliers_have_a_finite_mixture_density(strain: float) -> None:
-    found, _ = evaluated(mixture((3, 5)), np.full(8, strain))
+    found = evaluated(mixture((3, 5)), np.full(8, strain)).states
     assert np.isfinite(found).all()
     assert np.ptp(found) < 2 * 0.5 * NU * np.log(4.0), "the variance alone tells places apart"
 

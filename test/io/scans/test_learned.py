@@ -9,6 +9,7 @@ import pytest
 from support.sweeps import write_scan
 
 from tactile_localizer.core.calibration.calibration import Calibration
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.io.scans import learned as module
@@ -23,7 +24,8 @@ def calibrated(monkeypatch):
 
     def learn(_scan, scene, _progress):
         names.append(scene.name)
-        return Calibration(np.full(scene.dimension, 0.0004), VarianceModel(0.7, 0.1, 0.4, 0.005))
+        std, variance = np.full(scene.dimension, 0.0004), VarianceModel(0.7, 0.1, 0.4, 0.005)
+        return Calibration(std, Material.SHEET, variance)
 
     monkeypatch.setattr(module, "learn", learn)
     return names
@@ -40,6 +42,7 @@ def test_a_scan_is_calibrated_once(path, calibrated):
     for each in (first, second):
         np.testing.assert_array_equal(each.registration_std, 0.0004)
     assert second.variance == VarianceModel(0.7, 0.1, 0.4, 0.005)
+    assert second.material is Material.SHEET
     assert calibrated == ["bump"]
 
 

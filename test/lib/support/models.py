@@ -8,7 +8,6 @@ from scipy.special import logsumexp
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.belief import Belief
-from tactile_localizer.core.geometry.anchors import Injection
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import NoiseModel, WhitenedScan
 from tactile_localizer.core.likelihood.white_noise import WhiteNoise
@@ -48,7 +47,7 @@ def whitened_scan(scan: Scan, scene: Scene) -> WhitenedScan:
     spacing, levels = line_spacing(tracks), np.zeros((len(tracks), scene.layout.size))
     noise, strain = noise_model(scene.layout), tracks.strain
     return WhitenedScan(
-        tracks, spacing, hold_out(tracks, spacing), Material(1.0), noise, levels, strain, strain
+        tracks, spacing, hold_out(tracks, spacing), Material.SHEET, noise, levels, strain, strain
     )
 
 
@@ -98,12 +97,12 @@ def step(
     strain: np.ndarray,
     displacement: np.ndarray | None = None,
     travel: float = 0.0,
-    injection: Injection | None = None,
+    injected: float = 0.0,
 ) -> tuple[Belief, float]:
     """The belief after a motion and a measurement, and the logarithm of the marginal likelihood."""
     dimension = bayes_filter.hypotheses()[0].shape[1]
     moved = np.zeros(dimension) if displacement is None else displacement
-    prediction = bayes_filter.predict(moved, travel, injection)
+    prediction = bayes_filter.predict(moved, travel, injected)
     log_likelihood = model.log_likelihood(prediction.states, strain)
     belief = bayes_filter.update(log_likelihood)
     return belief, float(logsumexp(log_likelihood, b=prediction.weights))

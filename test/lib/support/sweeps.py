@@ -7,6 +7,7 @@ import numpy as np
 
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import Examination
+from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.io.recording import RecordedSweep, Recording
@@ -18,6 +19,7 @@ from tactile_localizer.sim import shipped_scene, simulate_recording, simulate_sw
 
 CALIBRATION = Calibration(
     np.array([0.0004, 0.0004]),
+    Material.SHEET,
     VarianceModel(visit=0.21, signal=0.036, interpolation=0.18),
     Examination(information_length=0.0017),
 )

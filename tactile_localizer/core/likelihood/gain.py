@@ -1,0 +1,65 @@
+"""Gain of a sweep: the factor of its signal, which differs from the scan's as the squeezing force does."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+LEAST_VARIANCE = 0.03
+"""Least variance of the gain: another session, with another force, differs more than the sweeps of a scan. By
+judgement."""
+_MEMORY = 0.02
+"""m of travel over which a force that differs changes. By judgement."""
+
+
+class Gain(NamedTuple):
+    """Mean and variance (F, N) float32 of the gain of F phalanges, along N trajectories.
+
+    The gain g is a Gauss-Markov process about one. Along a trajectory, a strain whose innovation is g u +
+    noise, with u that of the map, is a linear measurement of it: a scalar Kalman filter.
+    """
+
+    mean: np.ndarray
+    variance: np.ndarray
+
+    @classmethod
+    def start(cls, phalanges: int, count: int, variance: float) -> Gain:
+        """Before the first strain, along ``count`` trajectories."""
+        shape = (phalanges, count)
+        return cls(np.ones(shape, dtype=np.float32), np.full(shape, variance, dtype=np.float32))
+
+    def followed(self, trajectories: np.ndarray) -> Gain:
+        """The gain along some of the trajectories, (M,) int."""
+        return Gain(self.mean.take(trajectories, axis=1), self.variance.take(trajectories, axis=1))
+
+    def averaged(self, weights: np.ndarray) -> Gain:
+        """The mean over the first trajectories, with ``weights`` (P,)."""
+        mean, variance = (each[:, : len(weights)] @ weights.astype(np.float32) for each in self)
+        return Gain(mean[:, None], variance[:, None])
+
+    def mixed(self, rows: np.ndarray, other: Gain, fraction: np.ndarray) -> Gain:
+        """The gain where of ``rows`` (m,) int a ``fraction`` (m,) of the weight has the ``other`` gain."""
+        share, mean, variance = fraction.astype(np.float32), self.mean.copy(), self.variance.copy()
+        mean[:, rows] += share * (other.mean - mean[:, rows])
+        variance[:, rows] += share * (other.variance - variance[:, rows])
+        return Gain(mean, variance)
+
+    def predicted(self, travel: float, prior: float) -> Gain:
+        """The gain after ``travel`` metres, over which it returns to the ``prior`` variance about one."""
+        kept = math.exp(-travel / _MEMORY)
+        mean, variance = 1.0 + kept * (self.mean - 1.0), prior + kept**2 * (self.variance - prior)
+        return Gain(mean, variance)
+
+    def updated(self, information: np.ndarray, product: np.ndarray, exponent: float) -> Gain:
+        """The gain after a strain.
+
+        Parameters
+        ----------
+        information : (F, N) u'u / A, with the innovation u of the map and the variance A
+        product : (F, N) u'r / A, with the residual r at the mean gain
+        exponent : fraction of an independent measurement that the strain is
+        """
+        variance = self.variance / (1.0 + exponent * self.variance * information)
+        return Gain(self.mean + exponent * variance * product, variance)
