@@ -27,8 +27,11 @@ from tactile_localizer.io.recording import BAG_EXTENSIONS
 _METADATA = "metadata.yaml"
 _EXPECTED = "expected a bag (*.mcap, *.db3, or a folder of them), found"
 _ROS_1 = "one of ROS 1 (rosbags-convert makes a bag of ROS 2)"
-_PART = re.compile(r"(.*)_(\d+)\.[^_]*")
-"""Name of a file of a bag in parts, which rosbag2 numbers."""
+_PARTS = (
+    re.compile(r"(?P<number>\d+)_(?P<bag>.*)_\d{4}_\d\d_\d\d-\d\d_\d\d_\d\d\.[^_]*"),
+    re.compile(r"(?P<bag>.*)_(?P<number>\d+)\.[^_]*"),
+)
+"""Names of the files of a bag in parts, which rosbag2 numbers: since Lyrical, and before."""
 _MCAP = b"\x89MCAP0\r\n"
 """First and last bytes of an MCAP file; a recorder that is killed does not write the last ones."""
 _JUMP_NS = 500_000_000
@@ -106,11 +109,11 @@ def _files(folder: Path) -> tuple[list[Path], dict[str, int], list[str]]:
         return [folder / name for name in names], promised, notes
     if not there:
         raise ScanError(f"{folder}: {_EXPECTED} none")
-    parts = filter(None, (_PART.fullmatch(path.name) for path in there))
+    parts = (next(filter(None, (name.fullmatch(path.name) for name in _PARTS)), None) for path in there)
     notes = [
         f"there is no file between {one[0]} and {other[0]}"
-        for one, other in pairwise(parts)
-        if one[1] == other[1] and int(other[2]) > int(one[2]) + 1
+        for one, other in pairwise(filter(None, parts))
+        if one["bag"] == other["bag"] and int(other["number"]) > int(one["number"]) + 1
     ]
     return there, {}, notes
 

@@ -108,27 +108,35 @@ def test_topics_may_lack_the_slash(tmp_path, topic):
     assert_whole(bag, topics={name: f"/{topic}"})
 
 
+NUMBERED = "bag_{}", "{}_bag_2026_11_28-09_59_0{}"
+"""Names of the parts of a bag, before Lyrical and since."""
+
+
+@pytest.mark.parametrize("name", NUMBERED)
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_a_folder_without_metadata_is_its_files_in_order(tmp_path, storage):
+def test_a_folder_without_metadata_is_its_files_in_order(tmp_path, storage, name):
     folder = tmp_path / "bag"
     folder.mkdir()
     for part in range(11):  # bag_10 comes after bag_9
         bag = write_bag(tmp_path / f"part_{part}", slide(91 * part, min(91 * part + 91, 1000)), storage)
-        shutil.copy(file_of(bag), folder / f"bag_{part}{file_of(bag).suffix}")
+        shutil.copy(file_of(bag), folder / f"{name.format(part, part % 10)}{file_of(bag).suffix}")
     (folder / "notes.txt").write_text("recorded on the large table")
     assert_whole(folder)
 
 
-def test_a_part_that_is_missing_or_not_named_is_noted(tmp_path):
+@pytest.mark.parametrize("name", NUMBERED)
+def test_a_part_that_is_missing_or_not_named_is_noted(tmp_path, name):
     folder = tmp_path / "bag"
     folder.mkdir()
-    for part in (0, 1, 2):
+    first, second, third = names = [f"{name.format(part, part)}.mcap" for part in (0, 1, 2)]
+    for part, file in enumerate(names):
         bag = write_bag(tmp_path / f"part_{part}", slide(400 * part, 400 * part + 400))
-        shutil.copy(file_of(bag), folder / f"bag_{part}.mcap")
-    (folder / "bag_1.mcap").unlink()
-    assert read_bag(folder, SCENE).notes == ("there is no file between bag_0.mcap and bag_2.mcap",)
+        shutil.copy(file_of(bag), folder / file)
+    assert read_bag(folder, SCENE).notes == ()
+    (folder / second).unlink()
+    assert read_bag(folder, SCENE).notes == (f"there is no file between {first} and {third}",)
     whole = write_bag(tmp_path / "whole", slide(0, 1000))
-    shutil.copy(folder / "bag_0.mcap", whole / "whole_1.mcap")
+    shutil.copy(folder / first, whole / "whole_1.mcap")
     assert read_bag(whole, SCENE).notes == ("metadata.yaml does not name whole_1.mcap: left out",)
 
 
