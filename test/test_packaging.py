@@ -234,3 +234,10 @@ def test_a_missing_library_is_named_in_one_line(library: str, command: str, tmp_
     assert error.startswith(f"error: {library}: expected it installed, found: ")
     assert "pip install" in error or "source ROS 2" in error
     assert status == "[2]"
+
+
+def test_all_missing_extras_are_named_at_once(tmp_path: Path) -> None:
+    error, _ = run_without(["jinja2", "matplotlib", "mcap"], ROOT, tmp_path, "scan info scan --report b.html")
+    assert error.endswith(
+        "; `pip install '.[offline]'` installs it and what else is missing: matplotlib, mcap"
+    )

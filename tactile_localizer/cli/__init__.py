@@ -6,7 +6,7 @@
 """
 
 import argparse
-import importlib
+import importlib.util
 import keyword
 import os
 import sys
@@ -37,14 +37,8 @@ Try it without ROS:
 `tactile-localizer COMMAND --help` lists the options of a command. docs/essentials.md describes the five
 values to set for a new hand and material; everything else has a default or is learned from the scan."""
 
-_NEEDED = {
-    **{
-        name: f"pip install {name}, or this package as '.[offline]'"
-        for name in ("argcomplete", "jinja2", "joblib", "matplotlib", "mcap", "rosbags", "zstandard")
-    },
-    "rclpy": "source ROS 2; `make demo` makes an environment that has it",
-}
-"""Libraries that only some commands need, with what to do where they are absent."""
+_EXTRAS = ("argcomplete", "jinja2", "joblib", "matplotlib", "mcap", "rosbags", "zstandard")
+"""Libraries of ``[offline]``, each of which only some commands need."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -72,9 +66,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     except ImportError as error:
         library = str(error.name).partition(".")[0]
-        advice = _NEEDED.get(library, "`pip install .` installs what is needed")
         found = in_one_line(error)
-        print(f"error: {library}: expected it installed, found: {found}; {advice}", file=sys.stderr)
+        print(
+            f"error: {library}: expected it installed, found: {found}; {_installed_by(library)}",
+            file=sys.stderr,
+        )
         return 2
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
@@ -83,6 +79,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The interpreter flushes standard output again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+
+
+def _installed_by(library: str) -> str:
+    """What to do where a library is absent, and all else of its kind that is."""
+    if library == "rclpy":
+        return "source ROS 2; `make demo` makes an environment that has it"
+    if library not in _EXTRAS:
+        return "`pip install .` installs what is needed"
+    others = [one for one in _EXTRAS if one != library and importlib.util.find_spec(one) is None]
+    also = f" and what else is missing: {', '.join(others)}" if others else ""
+    return f"`pip install '.[offline]'` installs it{also}"
 
 
 def command_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
