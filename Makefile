@@ -52,13 +52,14 @@ long := test/regression test/ros test/test_examples.py test/test_packaging.py te
 others := $(filter-out $(in_real_time) $(long) test/socketcan test/lib test/__pycache__, $(patsubst %/,%,$(wildcard test/*/)) $(wildcard test/test_*.py))
 
 .PHONY: test
-test: build lint ## Run all checks and tests; ARGS="-k name" runs pytest with these arguments
+test: build ## Run all checks and tests; ARGS="-k name" runs only pytest, with these arguments
 ifdef ARGS
 	$(pytest) $(ARGS)
 else
-	@$(MAKE) --no-print-directory --jobs 2 --output-sync=line test-most test-socketcan
+	@$(MAKE) --no-print-directory --jobs 3 --output-sync=line lint test-most test-socketcan
 	$(pytest) --numprocesses 2 --dist load --maxschedchunk 1 $(in_real_time)
 	$(pytest) $(alone)
+	@test/skipped
 endif
 
 .PHONY: test-most
@@ -70,8 +71,8 @@ test-socketcan: build ## Test the driver on CAN sockets, in a kernel of its own 
 	@test/socketcan/in_can_kernel $(run) python -m pytest -p no:cacheprovider -rs test/socketcan || [ $$? = 77 ]
 
 .PHONY: test-fast
-test-fast: build ## Run the tests of core, paper, streams and io that need neither processes nor more than ten seconds
-	$(run) python -m pytest --numprocesses auto --dist worksteal -m "not slow and not ros" test/core test/paper test/streams test/io
+test-fast: build ## Run the tests of what changed since main, but those with processes or of more than ten seconds
+	$(run) python -m pytest --numprocesses auto --dist worksteal -m "not slow and not ros" $$(scripts/changed_rooms)
 
 .PHONY: coverage
 coverage: build ## List the branches of core, paper, streams and io that no test takes; fails below 95 %

@@ -143,3 +143,10 @@ def test_the_parameter_page_matches_the_nodes(tmp_path: Path) -> None:
     page = tmp_path / "parameters.md"
     subprocess.run([sys.executable, "docs/make/parameters.py", page], cwd=ROOT, check=True, timeout=900)
     assert page.read_text() == (ROOT / "docs/parameters.md").read_text(), "run `make docs`"
+
+
+def test_the_first_screen_has_the_two_commands_and_ci_runs_the_one_of_the_tests() -> None:
+    first = (ROOT / "README.md").read_text().partition("![")[0]
+    said = [line.split("#")[0].strip() for line in first.splitlines() if line.startswith("    make ")]
+    assert said == ["make demo", "make test"]
+    assert "make test" in (ROOT / ".ci/run").read_text().splitlines()

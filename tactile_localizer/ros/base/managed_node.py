@@ -62,6 +62,8 @@ class ManagedNode(LifecycleNodeMixin, Node):
         self._is_configured = False
         self.is_active = False
         self._in_transition = threading.Lock()
+        # rclpy makes this service neither with create_service nor with a method that could be overridden; its
+        # callback is public, and there it is guarded, and may answer after a transition of seconds.
         service = next(service for service in self.services if service.srv_type is ChangeState)
         self._change_state = service.callback
         service.callback = exception_guards.guard_service(self, "state", ChangeState, self._on_change_state)

@@ -1,0 +1,100 @@
+"""The scripts behind `make`: which tests they choose, and what they say was skipped."""
+
+import os
+import shutil
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def run(*command: str | Path, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    kept = {"HOME": os.environ["HOME"], "PATH": os.environ["PATH"]}
+    return subprocess.run(
+        list(map(str, command)),
+        cwd=folder,
+        env={**kept, **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+def programs(folder: Path, texts: Mapping[str, str]) -> str:
+    """PATH with these programs before the others."""
+    folder.mkdir(parents=True)
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+        (folder / name).chmod(0o755)
+    return f"{folder}:{os.environ['PATH']}"
+
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Path:
+    """A repository with the folders of rooms, on a branch of main."""
+    git = ("git", "-c", "user.name=a", "-c", "user.email=a@b")
+    shutil.copytree(ROOT / "scripts", tmp_path / "scripts")
+    for room in ("core", "io", "ros", "cli"):
+        for folder in (tmp_path / "tactile_localizer" / room, tmp_path / "test" / room):
+            folder.mkdir(parents=True)
+            (folder / "a.py").write_text("a = 1\n")
+    for command in (("init", "--quiet", "-b", "main"), ("add", "."), ("commit", "--quiet", "-m", "a")):
+        subprocess.run([*git, *command], cwd=tmp_path, check=True)
+    subprocess.run([*git, "switch", "--quiet", "-c", "mine"], cwd=tmp_path, check=True)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("changed", "rooms"),
+    [
+        ("tactile_localizer/core/a.py", "core io paper streams"),
+        ("tactile_localizer/core/new.py", "core io paper streams"),
+        ("tactile_localizer/io/a.py", "io"),
+        ("test/cli/a.py", "cli"),
+        ("tactile_localizer/scene.py", "core io paper streams"),
+        ("README.md", "core io paper streams"),
+    ],
+)
+def test_fast_tests_are_those_of_the_rooms_that_changed(clone: Path, changed: str, rooms: str) -> None:
+    (clone / changed).write_text("a = 2\n")
+    git = ("git", "-c", "user.name=a", "-c", "user.email=a@b")
+    for is_committed in (False, True):
+        if is_committed:
+            subprocess.run([*git, "add", "."], cwd=clone, check=True)
+            subprocess.run([*git, "commit", "--quiet", "-m", "b"], cwd=clone, check=True)
+        assert run("scripts/changed_rooms", folder=clone).stdout.split() == [
+            f"test/{room}" for room in rooms.split()
+        ]
+
+
+def test_without_git_all_fast_tests_run(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "scripts", tmp_path / "scripts")
+    rooms = run("scripts/changed_rooms", folder=tmp_path).stdout.split()
+    assert rooms == ["test/core", "test/io", "test/paper", "test/streams"]
+
+
+@pytest.mark.parametrize(
+    ("absent", "said"),
+    [
+        ((), ""),
+        (("linux.uml", "insmod"), "CAN sockets; they run after: sudo apt-get install user-mode-linux kmod\n"),
+        (("chromium",), "reports in a browser; they run after: sudo apt-get install chromium\n"),
+        (
+            ("ip", "chromium"),
+            "CAN sockets and reports in a browser; they run after: sudo apt-get install iproute2 chromium\n",
+        ),
+    ],
+)
+def test_what_apt_would_have_to_install_is_said_in_one_line(
+    tmp_path: Path, absent: tuple[str, ...], said: str
+) -> None:
+    present = {"linux.uml", "insmod", "ip", "chromium"} - {*absent}
+    programs(tmp_path / "bin", dict.fromkeys(present, "#!/bin/sh\n"))
+    text = (ROOT / "test/skipped").read_text().replace("$PATH:/usr/sbin:/sbin", str(tmp_path / "bin"))
+    found = run(shutil.which("bash") or "bash", "-c", text, folder=tmp_path)
+    assert (found.returncode, found.stdout) == (0, said and f"skipped: tests of {said}")
