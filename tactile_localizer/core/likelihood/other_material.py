@@ -11,8 +11,6 @@ from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
 
 _STRENGTHS = np.array([0.0, 0.03, 0.1, 0.3, 1.0, 3.0])
 """Variances of the signal of other material, in those of the map's own signal; zero is featureless."""
-ENERGY_LENGTH = 0.02
-"""m over which the energy of a sweep is averaged: longer than a feature. By judgement."""
 PATCH_LENGTH = 0.3
 """Mean length of other material, such as a hem or a label, m: after it the palm is back where it was tracked,
 or on material of another strength. By judgement."""
