@@ -3,6 +3,7 @@
 import argparse
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
     add_bag_arguments,
     add_csv_arguments,
+    add_delay_argument,
     add_gap_argument,
     bag_options,
     naming_from_arguments,
@@ -24,8 +26,8 @@ from tactile_localizer.io.csv.columns import ColumnNaming, MissingColumnError, n
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.csv.table import Table
-from tactile_localizer.io.recording import Recording, join, scan_of
-from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.recording import Recording, delay_of, join, scan_of, undelayed
+from tactile_localizer.io.scans.folder import STRAIN_DELAY, ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.io.yaml_file import load_yaml, mapping
@@ -33,6 +35,7 @@ from tactile_localizer.offline.examination import describe_examination, examinat
 from tactile_localizer.offline.scan_quality import findings
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.delay import HIDDEN
 from tactile_localizer.streams.sweep_detector import SweepDetector
 
 _CELL_M = 0.002
@@ -62,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     proposal = " (default: a proposed one, written beside the scan)"
     for kind, proposed in ((from_csv, proposal), (from_bag, ""), (from_can, "")):
         add_gap_argument(kind)
+        add_delay_argument(kind, "estimated from strokes in opposite directions, if there are any")
         text = "detect sweeps in the motion; one_way: without the return strokes (default: as recorded)"
         kind.add_argument("--detect-sweeps", choices=("both_ways", "one_way"), help=text)
         text = f"scene file (YAML), or the name of a shipped one{proposed}"
@@ -102,24 +106,27 @@ def run(args: argparse.Namespace) -> int:
         name: vars(args).get(name) for name in ("files", "detect_sweeps", "dbc") if vars(args).get(name)
     }
     if args.kind == "bag":
-        # Imported here because rosbags takes 0.3 s, which CSV files do not need.
-        from tactile_localizer.io.bags.recording import read_bag
-
         assert scene is not None
-        with progress_line() as progress:
-            options = {**bag_options(args, scene), "detector": _detector(args, scene), "progress": progress}
-            recording = join([read_bag(file, scene, **options) for file in args.files])
+        read = partial(_bags, args, scene)
+        recording = read(_detector(args, scene))
     else:
         naming = naming_from_arguments(args)
         detail |= {"columns": naming_to_dict(naming), "poses": args.poses}
         try:
             if scene is None:
                 scene, assumptions = _proposed(args, naming)
-            recording = _tables(args, scene, naming)
+            read = partial(_tables, args, scene, naming)
+            recording = read(_detector(args, scene))
         except MissingColumnError as error:
             for line in error.template.splitlines():
                 print(printable(line))
             raise
+    # Without the return strokes there is nothing to compare.
+    whole = read(None) if args.detect_sweeps == "one_way" and args.delay is None else recording
+    delay_s, text = _delay(args, scene, whole)
+    if delay_s:
+        recording = undelayed(recording, scene.axes, delay_s, args.max_gap)
+        detail[STRAIN_DELAY] = round(delay_s, 4)
     scene.cells(_CELL_M / levers(scene))
     what = f"import {args.kind}"
     notes = import_recording(recording, scene, args.output, what=what, detail=detail, force=args.force)
@@ -133,7 +140,7 @@ def run(args: argparse.Namespace) -> int:
     made = ScanFolder(args.output).recording()
     print(f"{args.output}: {counted(len(made.sweeps), 'sweep')}, {counted(len(made), 'pair')}")
     scan = scan_of(made, scene)
-    for note in (*notes, *findings(scan, scene, made.sweeps)):
+    for note in (*notes, *filter(None, (text,)), *findings(scan, scene, made.sweeps)):
         print(f"  {printable(note)}", flush=True)
     del made
     examination = examined(args.output, scan, scene)
@@ -142,7 +149,31 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _tables(args: argparse.Namespace, scene: Scene, naming: ColumnNaming) -> Recording:
+def _delay(args: argparse.Namespace, scene: Scene, recording: Recording) -> tuple[float, str]:
+    """The delay of the strain to correct, s, that given or a significant one, and what is said about it."""
+    if args.delay is not None:
+        return args.delay, f"strain is taken as {args.delay:g} s late (--delay)" if args.delay else ""
+    if (delay := delay_of(recording, scene.axes)) is None:
+        return 0.0, HIDDEN
+    if not delay.is_significant:
+        return 0.0, ""
+    advice = f"--delay 0 does not; the nodes need strain_delay: {delay.seconds:.3f}"
+    return delay.seconds, f"{delay}: corrected ({advice})"
+
+
+def _bags(args: argparse.Namespace, scene: Scene, detector: SweepDetector | None) -> Recording:
+    """The recording of bags."""
+    # Imported here because rosbags takes 0.3 s, which CSV files do not need.
+    from tactile_localizer.io.bags.recording import read_bag
+
+    with progress_line() as progress:
+        options = {**bag_options(args, scene), "detector": detector, "progress": progress}
+        return join([read_bag(file, scene, **options) for file in args.files])
+
+
+def _tables(
+    args: argparse.Namespace, scene: Scene, naming: ColumnNaming, detector: SweepDetector | None
+) -> Recording:
     """The recording of CSV files, or of CAN logs with CSV files of the poses."""
     if args.kind == "can" and not args.poses:
         raise ScanError("import can: expected --poses FILE with the palm positions beside the log")
@@ -154,7 +185,7 @@ def _tables(args: argparse.Namespace, scene: Scene, naming: ColumnNaming) -> Rec
         poses=args.poses,
         max_gap_s=args.max_gap,
         strain=strain,
-        detector=_detector(args, scene),
+        detector=detector,
     )
 
 

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.bags.sweeps import TOPICS
 from tactile_localizer.io.csv.columns import ColumnNaming, load_naming, naming_from_dict, naming_from_pairs
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import Recording, is_bag, is_scan, join
+from tactile_localizer.io.recording import Recording, is_bag, is_scan, join, undelayed
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.strain_adapter import load_adapter
@@ -24,6 +25,7 @@ from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED, with_
 from tactile_localizer.quantity import number
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.delay import MOST_DELAY_S
 from tactile_localizer.streams.palm_frame import PalmFrame
 from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S
 
@@ -83,6 +85,12 @@ def add_gap_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--max-gap", type=_seconds, default=DEFAULT_MAX_GAP_S, metavar="S", help=text)
 
 
+def add_delay_argument(parser: argparse.ArgumentParser, default: str) -> None:
+    """Declare ``--delay``, ``None`` where it is not given; ``default`` says what it is then."""
+    text = f"time by which strain is late against the poses, s (default: {default})"
+    parser.add_argument("--delay", type=_delay, metavar="S", help=text)
+
+
 def bag_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     """Arguments of :func:`read_bag` from the options of ``add_bag_arguments``."""
     topics = {name: getattr(args, f"{name}_topic") for name in TOPICS}
@@ -115,6 +123,13 @@ def _seconds(text: str) -> float:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
+def _delay(text: str) -> float:
+    try:
+        return number(float(text), "delay", lower=-MOST_DELAY_S, upper=MOST_DELAY_S)
+    except (ValueError, ParameterError) as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the recordings and the options to read them."""
     text = "CSV file, scan or bag"
@@ -128,6 +143,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     add_csv_arguments(parser)
     add_bag_arguments(parser)
     add_gap_argument(parser)
+    add_delay_argument(parser, "that which the import of the scan corrected")
 
 
 def read_recordings(args: argparse.Namespace, scene: Scene, paths: Sequence[str]) -> tuple[Recording, bool]:
@@ -143,13 +159,26 @@ def read_recordings(args: argparse.Namespace, scene: Scene, paths: Sequence[str]
         if not all(bags):
             raise ScanError(f"{paths[bags.index(False)]}: expected only bags beside a bag")
         options = bag_options(args, scene)
-        return join([read_recording(path, scene, **options) for path in paths]), False
+        bags_read = join([read_recording(path, scene, **options) for path in paths])
+        return _undelayed(args, scene, bags_read), False
     tables = [path for path in paths if not is_scan(Path(path))]
     read = [read_recording(path, scene) for path in paths if path not in tables]
     if tables:
         naming = naming_from_arguments(args, imported_columns(args.scan))
-        read.append(read_csv(tables, scene, naming, poses=args.poses, max_gap_s=args.max_gap))
+        table = read_csv(tables, scene, naming, poses=args.poses, max_gap_s=args.max_gap)
+        read.append(_undelayed(args, scene, table))
     return join(read), True
+
+
+def _undelayed(args: argparse.Namespace, scene: Scene, recording: Recording) -> Recording:
+    """A recording without the delay of the strain that is given, or that of the scan's import."""
+    delay_s = ScanFolder(args.scan).strain_delay_s if args.delay is None else args.delay
+    if not delay_s:
+        return recording
+    why = "as in the scan; --delay 0 takes it as it is" if args.delay is None else "--delay"
+    note = f"{recording.source}: strain is taken as {delay_s:.3f} s late ({why})"
+    without = undelayed(recording, scene.axes, delay_s, args.max_gap)
+    return replace(without, notes=(*without.notes, note))
 
 
 def imported_columns(scan: str) -> Mapping[str, Any]:

@@ -19,7 +19,7 @@ from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import counted, printable
-from tactile_localizer.io.recording import scan_of
+from tactile_localizer.io.recording import delay_of, scan_of
 from tactile_localizer.io.scans.folder import DROPPED, ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.offline.examination import (
@@ -29,6 +29,7 @@ from tactile_localizer.offline.examination import (
 )
 from tactile_localizer.offline.scan_quality import findings
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.delay import HIDDEN
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,10 +65,12 @@ def _described(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]
     folder = ScanFolder(args.scan)
     scene, recording = folder.scene, folder.recording()
     sweeps = recording.sweeps
-    found, examination = ["no pairs"], Examination()
+    found, examination, delay = ["no pairs"], Examination(), ""
     if len(recording):
         scan = scan_of(recording, scene)
-        found = findings(scan, scene, sweeps)
+        found, estimate = findings(scan, scene, sweeps), delay_of(recording, scene.axes)
+        delay = HIDDEN if estimate is None else str(estimate)
+        found += [f"{delay}; import it again"] * (estimate is not None and estimate.is_significant)
         examination = examined(args.scan, scan, scene)
         found += examination_findings(scene, examination)
     dropped = len(folder.files(DROPPED)[0])
@@ -82,6 +85,7 @@ def _described(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]
     if len(recording):
         stamps = np.concatenate([sweep.stamp_ns for sweep in sweeps]) * 1e-9
         lines.append(f"  recorded   {stamps.min():.1f} to {stamps.max():.1f} s")
+    lines += [f"  delay      {delay}"] * bool(delay)
     for entry in folder.history():
         details = [f"{key} {value}" for key, value in entry.items() if value and key not in ("at", "what")]
         lines.append(f"  history    {entry['at']} {entry['what']}: {', '.join(details)}")

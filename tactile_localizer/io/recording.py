@@ -17,10 +17,16 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError, counted
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 from tactile_localizer.scene import LARGEST_STRAIN, Axis, Scene
+from tactile_localizer.streams.delay import Delay, Track, estimate_delay
 from tactile_localizer.streams.palm_motion import describe_motion
-from tactile_localizer.streams.runs import LATE, runs_of
+from tactile_localizer.streams.runs import LATE, NANOSECONDS, runs_of
 from tactile_localizer.streams.sweep_detector import SweepDetector
-from tactile_localizer.streams.synchronization import clock_difference_s, describe_gaps
+from tactile_localizer.streams.synchronization import (
+    DEFAULT_MAX_GAP_S,
+    clock_difference_s,
+    describe_gaps,
+    interpolate_poses,
+)
 
 NO_CONTACT = (-1, -1)
 NO_SWEEP = -1
@@ -167,6 +173,63 @@ def cut(
     ]
     outside = int(np.sum(number[rows] == NO_SWEEP)) if detector is not None else 0
     return sweeps, [f"{outside} of {len(rows)} samples are in no detected sweep"] * (outside > 0)
+
+
+def undelayed(
+    recording: Recording, axes: tuple[Axis, ...], delay_s: float, max_gap_s: float = DEFAULT_MAX_GAP_S
+) -> Recording:
+    """A recording whose strain is late, with the stamps and positions at which the strain was felt.
+
+    Parameters
+    ----------
+    axes : of the recording
+    delay_s : time by which the strain is late, s
+    max_gap_s : longest time between two samples across which positions are interpolated, s
+    """
+    sweeps: list[RecordedSweep] = []
+    for run in _runs_of_sweeps(recording.sweeps):
+        stamp_ns, position, number = (
+            np.concatenate(each)
+            for each in zip(
+                *((each.stamp_ns, each.position, np.full(len(each), row)) for row, each in enumerate(run)),
+                strict=True,
+            )
+        )
+        felt_ns = stamp_ns - round(delay_s * NANOSECONDS)
+        there, found = interpolate_poses(axes, stamp_ns, position, felt_ns, max_gap_s)
+        before = np.searchsorted(stamp_ns, felt_ns, side="right").clip(1) - 1
+        for row, sweep in enumerate(run):
+            own = np.flatnonzero(found & (number[before] == row))
+            arrays: dict[str, Any] = {
+                name: np.concatenate([getattr(each, name) for each in run])[own]
+                for name, value in vars(sweep).items()
+                if isinstance(value, np.ndarray) and all(getattr(each, name) is not None for each in run)
+            }
+            arrays |= {"stamp_ns": felt_ns[own], "position": there[own]}
+            if "truth" in arrays:
+                truth = np.concatenate([each.truth for each in run if each.truth is not None])
+                arrays["truth"] = interpolate_poses(axes, stamp_ns, truth, felt_ns[own], max_gap_s)[0]
+            gaps = sweep.gaps + int(np.count_nonzero(~found & (number == row)))
+            sweeps.append(replace(sweep, **arrays, gaps=gaps))
+    return replace(recording, sweeps=tuple(sweeps))
+
+
+def _runs_of_sweeps(sweeps: Sequence[RecordedSweep]) -> Iterator[list[RecordedSweep]]:
+    """Successive sweeps whose stamps go on rising; those without samples are left out."""
+    run: list[RecordedSweep] = []
+    for sweep in filter(len, sweeps):
+        if run and sweep.stamp_ns[0] <= run[-1].stamp_ns[-1]:
+            yield run
+            run = []
+        run.append(sweep)
+    if run:
+        yield run
+
+
+def delay_of(recording: Recording, axes: tuple[Axis, ...]) -> Delay | None:
+    """How late the strain of a recording is; see :func:`~tactile_localizer.streams.delay.estimate_delay`."""
+    tracks = [Track(each.stamp_ns, each.position, each.strain) for each in recording.sweeps if len(each)]
+    return estimate_delay(axes, tracks) if tracks else None
 
 
 def _parts(rows: np.ndarray, *labels: np.ndarray) -> list[np.ndarray]:

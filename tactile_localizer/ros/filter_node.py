@@ -53,6 +53,8 @@ from tactile_localizer.streams.runs import NANOSECONDS
 from tactile_localizer.streams.synchronization import Pair
 
 _NUMBERS = re.compile(r"\d+ publishers?|[\d.]+")
+_SAME_DELAY_S = 0.005
+"""Difference of two delays of strain that matters less than where a map is known, s (judgement)."""
 _WATCH_PERIOD_S, _WATCHES_PER_STATUS = 0.1, 10
 
 
@@ -65,12 +67,14 @@ class LoadedScan:
     path : of the scan
     scan, scene : training pairs and their scene; that of the localizer is cropped to the scan
     localizer : localizer on the scan
+    other_delay : a line where strain of the scan was late by another time than that given; else empty
     """
 
     path: Path
     scan: Scan
     scene: Scene
     localizer: Localizer
+    other_delay: str
 
 
 class FilterNode(ManagedNode):
@@ -148,7 +152,13 @@ class FilterNode(ManagedNode):
         localizer = build_localizer(scan, scene, choices, rng, progress, calibration)
         sweeps = counted(len(scan.sweep_numbers), "sweep")
         self.get_logger().info(f"{path}: {counted(len(scan), 'pair')} of {sweeps}, scene {scene.name}")
-        return LoadedScan(path, scan, scene, localizer)
+        given_s, scanned_s = parameters["strain_delay"], folder.strain_delay_s
+        other = f"strain_delay is {given_s:g} s, in the scan it is {scanned_s:g} s"
+        if abs(given_s - scanned_s) <= _SAME_DELAY_S:
+            other = ""
+        else:
+            self.get_logger().warning(other)
+        return LoadedScan(path, scan, scene, localizer, other)
 
     def _start(self, loaded: LoadedScan) -> None:
         """Localize on a map, from a uniform belief; on an error the present one stays in use."""
@@ -240,7 +250,8 @@ class FilterNode(ManagedNode):
         self._age_s = {name: (now_ns - last_ns) / NANOSECONDS for name, last_ns in self._last_ns.items()}
         age_s = self._age_s["estimate"]
         if self._online.latest is not None:
-            behind_ns = self._inputs.pairing.newest_input_ns - self._online.latest.stamp_ns
+            newest_ns = self._inputs.pairing.newest_input_ns - max(self._inputs.delay_ns, 0)
+            behind_ns = newest_ns - self._online.latest.stamp_ns
             age_s = max(age_s, behind_ns / NANOSECONDS)
         was_stale = bool(self._stale)
         self._stale = f"{self._missing()}, no estimate for {age_s:.1f} s" if age_s > timeout_s else ""
@@ -282,7 +293,8 @@ class FilterNode(ManagedNode):
         """What is wrong with the inputs; empty if nothing is."""
         missing = self._stale or (self._missing() if self._silent() else "")
         inputs = self._inputs
-        return missing or inputs.misalignment(self.parameters["patience_s"]) or inputs.motion()
+        misaligned = inputs.misalignment(self.parameters["patience_s"])
+        return missing or misaligned or inputs.motion() or self._loaded.other_delay
 
     def _repeat_as_stale(self) -> None:
         """Publish the last estimate, or that there is none yet, with the reason."""

@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.errors import ParameterError, ScanError, TactileLocalizerError, counted
-from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scans.folder import STRAIN_DELAY, ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
 from tactile_localizer.io.scans.sweep_files import OpenSweep
@@ -99,7 +99,8 @@ class MappingNode(ManagedNode):
         store = ScanWriter(parameters["scan_file"], self._scene)
         self.defer(store.close)
         self._recorder = SweepRecorder(store, self._detector(), self._coverage, self._publish_status)
-        store.note("record", node=self.get_fully_qualified_name())
+        delay = {STRAIN_DELAY: parameters["strain_delay"]} if parameters["strain_delay"] else {}
+        store.note("record", node=self.get_fully_qualified_name(), **delay)
         self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", _STATUS_QOS)
         self._health = DiagnosticsPublisher(self)
         self._map = MapPublisher(self, parameters["material_frame"])

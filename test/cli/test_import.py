@@ -292,6 +292,46 @@ def test_poses_that_do_not_fit_are_refused_with_the_remedy(folder, run):
     assert run(f"{arguments} -o own_scan")[0] == 0
 
 
+def late_strokes(path, late_rows):
+    """Strokes of 40 mm there and back at 20 mm/s, a sample each 10 ms, of smooth strain that is late."""
+    rng = np.random.default_rng(2)
+    places, weights = rng.uniform(0.0, 40.0, 30), rng.normal(size=(30, 8))
+    x = np.abs((np.arange(2000) * 0.2 + 40) % 80 - 40)
+    strain = np.exp(-0.5 * ((np.roll(x, late_rows)[:, None] - places) / 2) ** 2) @ weights
+    rows = np.column_stack([0.01 * np.arange(2000), np.arange(2000) // 200, 1e-3 * x, strain])[late_rows:]
+    write_csv(path, rows, ["stamp_s", "sweep", "x", *(f"index_{n}" for n in range(1, 9))])
+
+
+def test_strain_that_is_late_in_strokes_there_and_back_is_corrected(folder, run):
+    late_strokes(folder / "late.csv", 24)
+    arguments = "csv late.csv --scene line.yaml"
+    printed = run(f"{arguments} -o a_scan")[1]
+    assert re.search(
+        r"strain is late against the poses by 0\.24\d s \(.*displaced by 9\.\d mm: corrected \(--delay 0",
+        printed,
+    )
+    assert ScanFolder("a_scan").strain_delay_s == pytest.approx(0.24, abs=0.003)
+    assert "is late" not in run(f"{arguments} --delay 0 -o b_scan")[1]
+    assert "strain is taken as 0.24 s late (--delay)" in run(f"{arguments} --delay 0.24 -o c_scan")[1]
+    late_strokes(folder / "on_time.csv", 0)
+    assert "late" not in run("csv on_time.csv --scene line.yaml -o d_scan")[1]
+    true, scan = (ScanFolder(name).load() for name in ("d_scan", "c_scan"))
+    rows = np.abs(true.strain[:, None] - scan.strain[None]).sum(axis=2).argmin(axis=0)
+    np.testing.assert_allclose(scan.states, true.states[rows], atol=1e-9)
+
+
+def test_a_delay_that_strokes_in_one_direction_hide_is_said(folder, run):
+    assert (
+        "a delay of the strain against the poses cannot be seen"
+        in run("csv train.csv --scene scene.yaml -o a_scan")[1]
+    )
+    late_strokes(folder / "late.csv", 24)
+    assert (
+        "late against the poses by 0.24"
+        in run("csv late.csv --scene line.yaml --detect-sweeps one_way -o b_scan")[1]
+    )
+
+
 @pytest.mark.parametrize(
     "columns",
     [

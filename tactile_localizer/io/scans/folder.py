@@ -30,6 +30,8 @@ from tactile_localizer.scene import Scene
 _log = logging.getLogger(__name__)
 
 HISTORY, DROPPED = "history.jsonl", "dropped"
+STRAIN_DELAY = "strain_delay_s"
+"""Detail of an entry of the history."""
 
 _MOST_HISTORY = 2**24
 """Bytes of the history that are read, some 50,000 lines."""
@@ -133,6 +135,12 @@ class ScanFolder:
                     entry |= json.loads(line)
                 entries.append(entry)
         return entries
+
+    @property
+    def strain_delay_s(self) -> float:
+        """Time by which the strain of the newest import or recording was late, s, which its pairs are not."""
+        delays = [entry[STRAIN_DELAY] for entry in self.history() if STRAIN_DELAY in entry]
+        return float(delays[-1]) if delays and isinstance(delays[-1], int | float) else 0.0
 
     def files(self, folder: str = "") -> tuple[dict[int, Path], list[str]]:
         """Files of the sweeps by number, ascending, and a line for each that is misnamed.

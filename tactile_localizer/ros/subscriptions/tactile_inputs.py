@@ -21,6 +21,7 @@ from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.diagnostics.status import LargestRecent
 from tactile_localizer.ros.subscriptions.tf_poses import TfPoses
 from tactile_localizer.scene import Axis, Scene
+from tactile_localizer.streams.delay import MOST_DELAY_S
 from tactile_localizer.streams.palm_frame import PalmFrame
 from tactile_localizer.streams.palm_motion import describe_motion
 from tactile_localizer.streams.runs import NANOSECONDS, stamp_of
@@ -56,6 +57,14 @@ SYNCHRONIZATION = (
         "s",
         0.0,
         60.0,
+    ),
+    Parameter(
+        "strain_delay",
+        0.0,
+        "Time by which strain is late against the poses, subtracted from its stamps; that of the scan",
+        "s",
+        -MOST_DELAY_S,
+        MOST_DELAY_S,
     ),
     Parameter(
         "queue_depth",
@@ -107,6 +116,7 @@ class TactileInputs:
     ----------
     pairing : pairing of the strain vectors with poses
     received, invalid : numbers of messages and of invalid ones, by topic: ``strain`` and ``palm_pose``
+    delay_ns : time by which the strain is late, subtracted from its stamps, ns
     problems : why the last message of a topic was invalid; without the topics whose last one was valid
 
     Raises
@@ -130,6 +140,7 @@ class TactileInputs:
         """Begin anew with the axes and phalanges of a scene: the next messages do not continue the last."""
         parameters = self._node.parameters
         self._axes, self._frame = scene.axes, self._palm_frame(scene.axes)
+        self.delay_ns = round(parameters["strain_delay"] * NANOSECONDS)
         self._reader = StrainReader(scene)
         self.pairing: Pairing[StrainSample] = Pairing(
             scene.axes, max_gap_s=parameters["max_gap_s"], patience_s=parameters["patience_s"]
@@ -286,11 +297,14 @@ class TactileInputs:
     def _on_strain(self, message: StrainVectors, info: Mapping[str, int]) -> None:
         self._note_wait(info)
         newest_ns = self.newest_ns
-        self._take("strain", message, self.pairing.add_strain, self._reader.read)
+        self._take("strain", message, self._add_strain, self._reader.read)
         if self.newest_ns != newest_ns:
             self._ahead_of_node_ns.add(self.newest_ns - self._node.now_ns)
         # Of a faster topic the executor leaves messages behind, and strain would not find its poses.
         self._take_poses()
+
+    def _add_strain(self, stamp_ns: int, sample: StrainSample) -> _Pairs:
+        return self.pairing.add_strain(stamp_ns - self.delay_ns, sample)
 
     def _on_pose(self, message: PoseStamped, info: Mapping[str, int]) -> None:
         self._note_wait(info)
@@ -326,5 +340,5 @@ class TactileInputs:
             self.problems.pop(topic, None)
             strain_ns, pose_ns = self.pairing.newest_ns, self.pairing.newest_pose_ns
             if strain_ns is not None and pose_ns is not None:
-                self._ahead_ns[topic] = pose_ns - strain_ns
+                self._ahead_ns[topic] = pose_ns - strain_ns - self.delay_ns
             self._on_pairs(pairs)
