@@ -125,5 +125,10 @@ class IndependentGaussian(Gaussian):
 
 
 def ridge(covariance: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Diagonal (D, D) that makes ``covariance`` positive definite, even for a channel that never varies."""
-    return np.diag(_RIDGE * np.diag(covariance) + (1e-6 * np.ptp(samples, axis=0)) ** 2 + 1e-24)
+    """Diagonal (D, D) that makes ``covariance`` positive definite, even for a channel that never varies.
+
+    It is relative to the strain, whose unit does not matter.
+    """
+    spread = np.ptp(samples, axis=0)
+    least = 1e-12 * (float(spread.max()) or 1.0)
+    return np.diag(_RIDGE * np.diag(covariance) + (1e-6 * spread) ** 2 + least**2)

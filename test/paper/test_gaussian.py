@@ -58,7 +58,7 @@ def test_fewer_than_one_neighbour_is_refused():
         Gaussian(scan(np.random.default_rng(1), scene(), 200), scene(), 0)
 
 
-@pytest.mark.parametrize(("constant", "unit"), [(1e6, 1.0), (0.0, 1e-9), (1e6, 1e3)])
+@pytest.mark.parametrize(("constant", "unit"), [(1e6, 1.0), (0.0, 1e-9), (0.0, 1e-12), (1e6, 1e3)])
 def test_neither_a_large_constant_nor_another_unit_changes_the_places(constant, unit):
     of = scene()
     made = scan(np.random.default_rng(1), of, 300)

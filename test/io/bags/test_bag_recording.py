@@ -168,6 +168,14 @@ def test_strain_that_is_received_late_is_of_the_time_before_the_sweep(tmp_path, 
     assert ranges_ms(read_bag(bag, SCENE, by_status=False).sweeps) == [(first_ms, 2000)]
 
 
+def test_a_flag_before_late_strain_is_in_the_clock_of_the_strain(tmp_path):
+    """The sender's clock is .3 s ahead, and the strain after 1 s is received .4 s late."""
+    late = [(topic, (max(ms, 1400) if ms > 1000 else ms) - 300, m) for topic, ms, m in slide(400, 2000)]
+    active = STORE.types[TYPES["tactile_simulator/sweep_active"]](data=True)
+    bag = write_bag(tmp_path / "bag", [*late, ("tactile_simulator/sweep_active", 900, active)])
+    assert ranges_ms(read_bag(bag, SCENE, by_status=False).sweeps) == [(1205, 2000)]
+
+
 def test_skipped_messages_are_counted(tmp_path):
     happened = slide(0, 500) + slide(800, 1000)
     happened.insert(60, ("strain", 250, strain(100)))

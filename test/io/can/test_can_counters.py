@@ -10,6 +10,7 @@ import pytest
 from support.load_cells import write_cells
 
 from tactile_localizer.io.can.assembler import Cycle, CycleAssembler, PhalanxCounts
+from tactile_localizer.io.can.counter import RollingCounter
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 
 T0_S = 1.7e9
@@ -201,3 +202,19 @@ def test_each_load_cell_counts_by_its_own_rate(tmp_path: Path) -> None:
     assert thumb.cycles_per_sample == pytest.approx(5, rel=0.05)
     assert index.cycles_per_sample == 1
     assert np.ptp([cycle.sequence[1] - n // 5 for n, cycle in enumerate(cycles)]) <= 4
+
+
+def test_a_counter_that_exceeds_the_time_has_jumped():
+    counter = RollingCounter(256)
+    for value in range(10):
+        counter.advance(value, 1.0, 1.0)
+    assert counter.advance(19, 10.0, 10.0) == 10, "as many as time allows are lost"
+    assert counter.advance(39, 10.0, 10.0) == 1
+    assert counter.jumps == 1
+
+
+def test_the_range_of_a_counter_is_that_of_its_bits_without_offset_and_scale(tmp_path):
+    path = write_cells(tmp_path / "hand.dbc", {"index_a": ["gauge_1"]}, "4 [10|38]")
+    path.write_text(path.read_text().replace("(1,0) [10|38]", "(2,10) [10|38]"))
+    (message,) = LoadCellProtocol(path, ["index"]).messages
+    assert message.counter_values == range(15)

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from tactile_localizer.io.can.cut import CycleCut
+from tactile_localizer.io.can.cut import CycleCut, Pace
 
 MS = 1_000_000
 START_NS = 1_700_000_000_000_000_000
@@ -128,3 +128,14 @@ def test_periods_are_those_of_the_messages() -> None:
     assert cut.period_ns == 10 * MS
     assert [pace.period_ns for pace in cut.paces] == [10 * MS, 50 * MS]
     assert [pace.cycles_per_sample for pace in cut.paces] == [1, 5]
+
+
+def test_a_load_cell_that_loses_most_samples_in_lumps_is_not_slow():
+    pace = Pace()
+    for number in range(64):
+        cycles = 1 if number % 2 or number < 8 else 4
+        pace.note(cycles * 1_000_000, cycles, 1)
+    pace.estimate()
+    pace.compare(1_000_000.0)
+    assert pace.period_ns > 2_000_000
+    assert pace.cycles_per_sample == 1.0

@@ -62,6 +62,14 @@ def test_what_is_no_strain_is_missing_and_losses_are_noted(tmp_path: Path) -> No
     assert notes == [f"{path}: 1 frames of index lost"]
 
 
+def test_saturated_strain_of_a_log_is_missing(tmp_path: Path) -> None:
+    high = HAND.encode(1, np.full(8, 99.0), 100, stamp_s=1e-9 * (START_NS + 100 * PERIOD_NS))
+    frames = [*frames_of(range(100)), *cycle(HAND, 100)[:2], *high]
+    strain = read_log(recorded(tmp_path / "sweep.log", frames, "can0"), HAND).strain
+    assert np.isnan(strain[-1, 8:]).all()
+    assert np.isfinite(strain[-1, :8]).all()
+
+
 CAN_XL = "(1700000005.000000) can0 00000123#80:00:00000000#1122334455\n"
 NO_HEX = "(1700000005.000000) can0 102#0z\n"
 
