@@ -5,7 +5,8 @@ the same description (ros2/launch, issue 747). So a launch file declares all arg
 starts before the arguments of all its nodes are known to be valid.
 """
 
-from collections.abc import Iterable
+import sys
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,10 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, TimerAction
 from launch_ros.actions import LifecycleNode
 from launch_ros.parameter_descriptions import ParameterValue
 
-from launch import LaunchContext
+from launch import Action, LaunchContext
 from tactile_localizer.resources import resource_path
 
-NODE = ("namespace", "params_file", "use_sim_time", "autostart")
+NODE = ("namespace", "params_file", "use_sim_time", "autostart", "log_level")
 """Arguments of every node."""
 
 _FLAGS = ("use_sim_time", "autostart")
@@ -40,6 +41,7 @@ _ARGUMENTS: dict[str, dict[str, Any]] = {
     "params_file": {"description": "Parameter file"},
     "use_sim_time": {**_FLAG, "description": "Time of /clock; if empty, as the parameter file has it"},
     "autostart": {**_FLAG, "description": "Start working; if empty, as the parameter file has it"},
+    "log_level": {"default_value": "", "description": "debug, info, warn, error or fatal; if empty, info"},
 }
 _PARAMETERS: dict[str, tuple[str, ...]] = {
     "driver": (),
@@ -61,7 +63,10 @@ def arguments(*names: str, params_file: str = "robot.yaml", **defaults: str) -> 
     return [DeclareLaunchArgument(name, **_ARGUMENTS[name], **changed.get(name, {})) for name in names]
 
 
-def nodes(*kinds: Any, **parameters: Any) -> OpaqueFunction:
+Then = Callable[..., list[Action]]
+
+
+def nodes(*kinds: Any, then: Then | None = None, **parameters: Any) -> OpaqueFunction:
     """Action that starts nodes with the parameter file, and the arguments that are given on top of it.
 
     An argument that is not given is not passed on, so that actions such as ``SetParameter`` around the launch
@@ -70,24 +75,30 @@ def nodes(*kinds: Any, **parameters: Any) -> OpaqueFunction:
     Parameters
     ----------
     kinds : executables without their ``_node``, as text or as a substitution
+    then : called with the context and the nodes once these have their names; returns further actions. What
+        they need is to be read from the context there: an event is handled after the scope of the launch
+        file has ended
     parameters : values that are the same in each launch
     """
-    return OpaqueFunction(function=_nodes, args=[kinds, parameters])
+    return OpaqueFunction(function=_nodes, args=[kinds, then, parameters])
 
 
-def _nodes(context: LaunchContext, kinds: tuple[Any, ...], fixed: dict[str, Any]) -> list[Any]:
+def _nodes(
+    context: LaunchContext, kinds: tuple[Any, ...], then: Then | None, fixed: dict[str, Any]
+) -> list[Action]:
     given = context.launch_configurations
     file = Path(given["params_file"]).expanduser()
     if not file.is_file():
         return [failure(f"params_file: expected a file, found none: {file}")]
-    _warn_of_misspelt("argument", given, _ARGUMENTS, 0.8)
+    _warn_of_misspelt("argument", _typed(context), _ARGUMENTS, 0.8)
     _warn_of_misspelt(f"{file}:", _sections(file), [f"tactile_{kind}" for kind in _PARAMETERS], 0.6)
     flags = {name: given[name].lower() == "true" for name in _FLAGS if given.get(name)}
-    actions = []
+    level = given.get("log_level")
+    started = []
     for kind in kinds:
         name = kind if isinstance(kind, str) else context.perform_substitution(kind)
         own = {key: ParameterValue(given[key], value_type=str) for key in _PARAMETERS[name]}
-        actions.append(
+        started.append(
             LifecycleNode(
                 package="tactile_localizer",
                 executable=f"{name}_node",
@@ -95,9 +106,24 @@ def _nodes(context: LaunchContext, kinds: tuple[Any, ...], fixed: dict[str, Any]
                 namespace=given["namespace"],
                 parameters=[str(file), {**flags, **own, **fixed}],
                 remappings=[("palm_pose", given.get("pose_topic", "palm_pose"))],
+                ros_arguments=["--log-level", level] if level else None,
             )
         )
-    return actions
+    return [*started, *([OpaqueFunction(function=then, args=started)] if then else [])]
+
+
+def _typed(context: LaunchContext) -> list[str]:
+    """Names of the arguments on the command line that starts this very file.
+
+    Launch keeps arguments of all files in one dictionary, so what the file of somebody else has for itself
+    cannot be told from what it gives to this one.
+    """
+    file = Path(context.get_locals_as_dict().get("current_launch_file_path", ""))
+    words = sys.argv[1:]
+    is_started = {"tactile_localizer", file.name} <= {*words} or file in [
+        Path(word).absolute() for word in words
+    ]
+    return [word.partition(":=")[0] for word in context.argv if is_started]
 
 
 def _warn_of_misspelt(what: str, names: Iterable[str], known: Iterable[str], similarity: float) -> None:

@@ -2,17 +2,14 @@
 
 import os
 import re
-import shutil
 import signal
-from collections.abc import Callable
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from support.bags import pose, strain, write_bag
-from support.processes import Process
+from support.launching import Launch
 from support.scenarios import Place
 from support.sweeps import unseen_sweep
 from support.waiting import wait_for_import, wait_until
@@ -21,36 +18,17 @@ pytest.importorskip("ros2launch", reason="ros2launch is not installed: only a RO
 
 pytestmark = pytest.mark.ros
 
-NODE = {"namespace", "params_file", "use_sim_time", "autostart"}
+NODE = {"namespace", "params_file", "use_sim_time", "autostart", "log_level"}
 ARGUMENTS = {
     "bringup": {"scan_file", "pose_topic", "sensor", *NODE},
     "localize": {"scan_file", "pose_topic", *NODE},
-    "replay": {"bag", "rate", "scan_file", "pose_topic", "namespace", "params_file"},
+    "replay": {"bag", "rate", "scan_file", "pose_topic", "namespace", "params_file", "log_level"},
     "scan": {"scan_file", "scene_file", "pose_topic", "sensor", *NODE},
     "sensor": {"sensor", *NODE},
     "simulate": {"mode", "scan_file", "scene_file", *NODE},
 }
 REQUIRED = {"scan_file": "none", "scene_file": "bump.yaml", "bag": "none", "mode": "localize"}
 """Arguments without a default, each with a value."""
-
-Launch = Callable[..., Process]
-
-
-@pytest.fixture
-def launch(process: Any, tmp_path: Path) -> Launch:
-    """``launch("bringup", scan_file=...)`` runs ``ros2 launch`` of an installed launch file, or of a path."""
-    command = shutil.which("ros2")
-    assert command is not None
-
-    def start(name: str | Path, *options: str, **arguments: Any) -> Process:
-        given = [f"{argument}:={value}" for argument, value in arguments.items()]
-        file = [name] if isinstance(name, Path) else ["tactile_localizer", f"{name}.launch.py"]
-        line = [command, "launch", *file, *options, *given]
-        environment = {"ROS_HOME": str(tmp_path), "ROS_LOG_DIR": str(tmp_path / "log")}
-        launched: Process = process(line, environment)
-        return launched
-
-    return start
 
 
 @pytest.mark.parametrize("name", ARGUMENTS)
@@ -143,6 +121,12 @@ def test_a_missing_scan_is_named(launch: Launch, tmp_path: Path, name: str, stat
     assert launched.wait() == status
     assert "none_scan: expected a scan folder, found none" in launched.output
     assert "Traceback" not in launched.output
+
+
+def test_a_level_of_the_log_is_passed_on(launch: Launch) -> None:
+    launched = launch("localize", scan_file="none", log_level="debug")
+    launched.wait()
+    assert "[DEBUG]" in launched.output
 
 
 def test_arguments_override_the_parameter_file(launch: Launch, place: Place) -> None:
