@@ -1,14 +1,26 @@
-"""The scripts behind `make`: which tests they choose, and what they say was skipped."""
+"""The scripts behind `make`: which Python they take, which tests they choose, what they say was skipped."""
 
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
+
+PYTHON = """#!/bin/bash
+# A python3 of another version, as far as it says itself; it makes no environment
+case "$1" in
+--version) echo "Python {major}.{minor}.0" ;;
+-c) exec {python} -c "import sys, sysconfig
+sys.version_info, sys.executable = ({major}, {minor}, 0, 'final', 0), '$0'
+$2" ;;
+*) echo "python3 $*"; exit 9 ;;
+esac
+"""
 
 
 def run(*command: str | Path, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -32,6 +44,37 @@ def programs(folder: Path, texts: Mapping[str, str]) -> str:
         (folder / name).write_text(text)
         (folder / name).chmod(0o755)
     return f"{folder}:{os.environ['PATH']}"
+
+
+@pytest.mark.parametrize(
+    ("version", "sourced", "said"),
+    [
+        ((3, 14), True, "python3 -m venv --system-site-packages"),
+        ((3, 99), True, "python3 -m venv --system-site-packages"),
+        ((3, 9), True, "setup: Python: expected 3.10 or later, found Python 3.9.0"),
+        ((3, 13), False, "python3 -m venv"),
+        (
+            (3, 14),
+            False,
+            "setup: Python: expected 3.10 to 3.13, for which there are ROS 2 wheels, found Python 3.14.0",
+        ),
+    ],
+)
+def test_a_sourced_ros_brings_its_own_python_and_wheels_end_at_3_13(
+    tmp_path: Path, version: tuple[int, int], sourced: bool, said: str
+) -> None:
+    for name in ("scripts", "requirements"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    major, minor = version
+    stub = PYTHON.format(major=major, minor=minor, python=Path(sys.executable).resolve())
+    others = dict.fromkeys((f"python3.{one}" for one in range(10, 15)), "#!/bin/sh\nexit 127\n")
+    path = programs(tmp_path / "bin", {"python3": stub, **others, "cmake": "", "c++": "", "git": ""})
+    (tmp_path / "ros/rclpy").mkdir(parents=True)
+    (tmp_path / "ros/rclpy/__init__.py").touch()
+    ros = {"AMENT_PREFIX_PATH": str(tmp_path), "PYTHONPATH": str(tmp_path / "ros"), "ROS_DISTRO": "lyrical"}
+    made = run("bash", "scripts/setup_venv", folder=tmp_path, PATH=path, **(ros if sourced else {}))
+    assert made.returncode != 0
+    assert said in made.stdout.splitlines()[-1]
 
 
 @pytest.fixture
