@@ -24,23 +24,27 @@ def describe_examination(scene: Scene, examination: Examination) -> list[str]:
         return []
     never = sum(not each.converged for each in on_map)
     lines = [
-        f"{len(on_map)} trials of {counted(_sweeps(on_map), 'held-out sweep')}: "
+        f"{_trials(on_map)}, each on a map without it: "
         f"{sum(each.right for each in on_map)} right at the end, "
         f"{sum(each.wrong for each in on_map)} ever wrong, "
         f"{sum(each.lost for each in on_map)} converged and lost again, {never} never converged"
     ]
     if len(examination.error):
-        lines.append(f"error of those: {describe_sizes(scene, examination.error)}")
+        lines.append(f"mean error of those that are right: {describe_sizes(scene, examination.error)}")
     if off_map:
         wrong = sum(each.converged for each in off_map)
-        lines.append(f"{len(off_map)} trials on material that is not on the map: {wrong} ever converged")
+        lines.append(
+            f"{_trials(off_map)}, each on a map without its surroundings, "
+            "as on material that was not scanned: "
+            f"{wrong} converged{', which is wrong' * (wrong > 0)}"
+        )
     lines.append(
-        "they are of the force and the session of the scan: to see what another force or day costs, replay "
-        "some sweeps that were recorded with another grip"
+        "all of this holds for the grip and the day of the scan: to see what another force or another day "
+        "costs, replay sweeps that were recorded so"
     )
     lines.append(
-        f"score {examination.score:.2f} (0: sure and right; {examination.ignorance:.2f}: no better than "
-        f"ignorance), information length {examination.information_length * MM:.1f} mm"
+        f"{_probabilities(examination)}; one independent measurement per "
+        f"{examination.information_length * MM:.1f} mm of travel"
     )
     return lines
 
@@ -54,9 +58,8 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
     width = np.sqrt(12.0) * examination.spread
     if not observed.any():
         found.append(
-            f"the held-out sweeps do not know where they are (score {examination.score:.2f}, of ignorance "
-            f"{examination.ignorance:.2f}): nothing that was scanned distinguishes places, or the sweeps "
-            "differ too much"
+            f"the sweeps left out are not localized ({_probabilities(examination)}): "
+            "nothing that was scanned distinguishes places, or the sweeps differ too much"
         )
     else:
         for name, one, extent in zip(names, observed, scene.extent, strict=True):
@@ -66,9 +69,10 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
                 unit = "rad" if name == "yaw" else "mm"
                 factor = 1.0 if name == "yaw" else MM
                 found.append(
-                    f"{name} is not known better than {factor * min(least, extent):.3g} {unit} along "
-                    f"{factor * extent:.3g} {unit}: nothing that was scanned distinguishes places along it; "
-                    f"scan something that does, or name {listed(known)} alone in the scene"
+                    f"{name} cannot be localized: {factor * min(least, extent):.3g} of the "
+                    f"{factor * extent:.3g} {unit} remain possible at the end of a sweep; "
+                    f"scan something that distinguishes places along {name}, "
+                    f"or leave {name} out of the scene (axes: {listed(known)})"
                 )
     converged = sum(each.converged for each in on_map)
     if observed.any() and (2 * converged < len(on_map) or examination.score < examination.ignorance):
@@ -77,14 +81,14 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
         if 2 * len(alike) > len(on_map) - converged:
             apart = describe_sizes(scene, np.median(alike, axis=0))
             why = f"places that are {apart} apart feel alike, until something else is felt"
-        found.append(f"only {converged} of {counted(len(on_map), 'trial')} converged: {why}")
+        found.append(f"only {converged} of {_trials(on_map)} converged: {why}")
     if wrong := sorted({each.sweep + 1 for each in on_map if each.wrong}):
         found.append(f"converged at a wrong place in the examination: sweep {listed(map(str, wrong))}")
     false = sum(each.converged for each in examination.off_map)
     if false > by_chance(len(examination.off_map)):
         found.append(
-            f"{false} of {len(examination.off_map)} trials converge on material that is not on the map: "
-            "it resembles itself, and other material of its kind may be taken for it"
+            f"{false} of {_trials(examination.off_map)} converge on a map without their surroundings: "
+            "places resemble each other, and material that was not scanned may be taken for one of them"
         )
     if _sweeps(on_map) < _FEW:
         found.append(f"examination: only {_sweeps(on_map)} sweeps, which says little; record more")
@@ -94,6 +98,18 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
 def examination_document(examination: Examination) -> dict[str, Any]:
     """The examination for JSON, in SI units."""
     return {**dataclasses.asdict(examination), "score": examination.score}
+
+
+def _trials(outcomes: Sequence[Outcome]) -> str:
+    """How many sweeps, or parts of them, were localized."""
+    sweeps = counted(_sweeps(outcomes), "sweep")
+    return sweeps if len(outcomes) == _sweeps(outcomes) else f"{len(outcomes)} parts of {sweeps}"
+
+
+def _probabilities(examination: Examination) -> str:
+    """The score as a probability, beside those of ignorance and of certainty."""
+    found, guess = np.exp([examination.score, examination.ignorance])
+    return f"probability of the true place {found:.2g} on average (a blind guess: {guess:.2g}, certainty: 1)"
 
 
 def _sweeps(outcomes: Sequence[Outcome]) -> int:

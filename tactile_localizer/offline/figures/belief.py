@@ -6,8 +6,10 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.path import Path
 
 from tactile_localizer.offline.axes import MM, axis_label, display_units
+from tactile_localizer.offline.figures.proportions import keep_proportions, plan_size
 from tactile_localizer.offline.figures.replay import CONVERGED, SEARCHING, draw_claims, travel_label
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
@@ -17,13 +19,18 @@ _BELIEF = "Blues"
 _BINS = 80
 """Bins along an axis of a belief whose states lie on no grid, and the most nodes of one that does."""
 _TRUTH = "tab:red"
+_CROSS = Path(
+    [(0.4, 0.0), (1.0, 0.0), (-0.4, 0.0), (-1.0, 0.0), (0.0, 0.4), (0.0, 1.0), (0.0, -0.4), (0.0, -1.0)],
+    [Path.MOVETO, Path.LINETO] * 4,
+)
+"""A cross that is open in the middle, where the belief is once it has converged."""
 
 
 def belief_figure(
     sweep: ReplayedSweep,
     moments: Sequence[int],
     beliefs: Sequence[tuple[np.ndarray, np.ndarray]],
-    size_in: tuple[float, float],
+    width_in: float,
 ) -> Figure:
     """The belief at moments A, B, ... of a sweep, with the true position as a cross where it is known.
 
@@ -34,10 +41,11 @@ def belief_figure(
     sweep : estimates along the sweep
     moments : indices of estimates
     beliefs : states (P, d) and weights (P,) at each moment
-    size_in : width and height, inches
+    width_in : width, inches
     """
-    figure, scene = Figure(figsize=size_in, layout="constrained"), sweep.scene
-    columns = 2 if len(moments) > 1 else 1
+    scene = sweep.scene
+    columns, size_in = plan_size(scene, width_in, len(moments), columns=2)
+    figure = Figure(figsize=size_in, layout="constrained")
     plots = figure.subplots(-(-len(moments) // columns), columns, sharex=True, sharey=True, squeeze=False)
     for plot in plots.flat[len(moments) :]:
         plot.set_axis_off()
@@ -46,7 +54,16 @@ def belief_figure(
         draw(scene, plot, *belief)
         truth = np.full(scene.dimension, np.nan) if sweep.truth is None else sweep.truth[moment]
         place = [display_units(axis, value) for axis, value in zip(scene.axis_names, truth, strict=True)]
-        plot.plot(place[0], place[1] if scene.dimension > 1 else 0.0, "+", color=_TRUTH, ms=10, mew=1.6)
+        plot.plot(
+            place[0],
+            place[1] if scene.dimension > 1 else 0.0,
+            marker=_CROSS,
+            color=_TRUTH,
+            ms=20,
+            mew=1.4,
+            mfc="none",
+            clip_on=False,
+        )
         colour = CONVERGED if sweep.converged[moment] else "0.2"
         plot.set_title(f"{letter}: {sweep.state[moment].value}", color=colour)
     for plot in plots[-1]:
@@ -61,7 +78,8 @@ def progress_figure(sweep: ReplayedSweep, moments: Sequence[int], size_in: tuple
 
     Parameters
     ----------
-    sweep, moments, size_in : as for :func:`belief_figure`
+    sweep, moments : as for :func:`belief_figure`
+    size_in : width and height, inches
     """
     figure = Figure(figsize=size_in, layout="constrained")
     error, travel = MM * position_error(sweep), MM * travel_from_contact(sweep)
@@ -89,7 +107,8 @@ def _plan(scene: Scene, plot: Axes, states: np.ndarray, weights: np.ndarray) -> 
     plot.set_facecolor(colormaps[_BELIEF](0.0))
     shade = np.sqrt(mass.T / (mass.max() or 1.0))
     plot.pcolormesh(*edges, shade, cmap=_BELIEF, vmin=0.0, vmax=1.0, rasterized=True)
-    plot.set(xlim=bounds[0], ylim=bounds[1], aspect="auto" if "yaw" in scene.axis_names[:2] else "equal")
+    plot.set(xlim=bounds[0], ylim=bounds[1])
+    keep_proportions(plot, scene.axis_names)
 
 
 def _along(scene: Scene, plot: Axes, states: np.ndarray, weights: np.ndarray) -> None:

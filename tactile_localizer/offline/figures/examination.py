@@ -1,4 +1,4 @@
-"""Figures of a scan's examination: errors of its held-out sweeps, and their score by information length."""
+"""Figures of a scan's examination: errors of its held-out sweeps, probability of the truth."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -35,7 +35,7 @@ def held_out_figure(examination: Examination, scene: Scene, size_in: tuple[float
 
 
 def score_figure(examination: Examination, size_in: tuple[float, float]) -> Figure:
-    """Mean logarithm of the probability given to the truth, by information length.
+    """Probability given to the truth, the geometric mean along the sweeps, by information length.
 
     Parameters
     ----------
@@ -43,13 +43,16 @@ def score_figure(examination: Examination, size_in: tuple[float, float]) -> Figu
     """
     figure = Figure(figsize=size_in, layout="constrained")
     plot = figure.subplots()
-    lengths, on_map, off_map = np.array(examination.scores, dtype=float).T
-    plot.plot(MM * lengths, on_map, "o-", color="tab:blue", label="sweeps on the map")
+    lengths, *scores = np.array(examination.scores, dtype=float).T
+    on_map, off_map = np.exp(scores)
+    plot.plot(MM * lengths, on_map, "o-", color="tab:blue", label="of the true place")
     if examination.off_map:
-        plot.plot(MM * lengths, off_map, "s--", color="tab:orange", label="parts that are not on it")
-    plot.axhline(examination.ignorance, color="0.4", ls=":", label="a guess")
+        plot.plot(
+            MM * lengths, off_map, "s--", color="tab:orange", label="of unknown material, where it is unknown"
+        )
+    plot.axhline(np.exp(examination.ignorance), color="0.4", ls=":", label="a blind guess at the place")
     plot.axvline(MM * examination.information_length, color="0.7", zorder=0, label="chosen")
-    plot.set(xlabel="information length, mm", ylabel="score, nats", xscale="log")
+    plot.set(xlabel="information length, mm", ylabel="probability", xscale="log", ylim=(0.0, 1.0))
     plot.set_xticks(MM * lengths, [f"{MM * length:g}" for length in lengths])
     plot.minorticks_off()
     figure.legend(loc="outside upper left", ncols=2, frameon=False)

@@ -10,6 +10,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from tactile_localizer.offline.axes import MM, axis_label, display_units
+from tactile_localizer.offline.figures.proportions import keep_proportions, plan_size
 from tactile_localizer.offline.metrics import position_error, travel_from_contact
 from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.offline.verdict import relative_error
@@ -46,16 +47,17 @@ def replay_figure(sweeps: Sequence[ReplayedSweep], size_in: tuple[float, float] 
     return figure
 
 
-def paths_figure(sweeps: Sequence[ReplayedSweep], size_in: tuple[float, float] = (8.0, 8.0)) -> Figure:
+def paths_figure(sweeps: Sequence[ReplayedSweep], width_in: float) -> Figure:
     """Where the palm was along each sweep, by what the estimate claimed there; a dot where a sweep begins.
 
     Where the truth is unknown, the converged estimates are shown. On one axis sweeps lie side by side.
 
     Parameters
     ----------
-    sweeps, size_in : as for :func:`replay_figure`; at least one sweep
+    sweeps : at least one sweep
+    width_in : width, inches
     """
-    figure = Figure(figsize=size_in, layout="constrained")
+    figure = Figure(figsize=plan_size(sweeps[0].scene, width_in)[1], layout="constrained")
     draw_paths(figure.subplots(), sweeps)
     add_legend(figure)
     return figure
@@ -83,7 +85,7 @@ def draw_paths(plot: Axes, sweeps: Sequence[ReplayedSweep]) -> None:
     corners = [display_units(axis.name, np.array([axis.lower, axis.upper])) for axis in scene.axes[:2]]
     (left, right), (low, high) = corners
     plot.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ec="0.8", zorder=0))
-    plot.set_aspect("auto" if "yaw" in scene.axis_names[:2] else "equal")
+    keep_proportions(plot, scene.axis_names)
 
 
 def draw_claims(plot: Axes, sweep: ReplayedSweep, x: np.ndarray, y: np.ndarray, width_pt: float) -> None:

@@ -14,6 +14,7 @@ from matplotlib.patches import Rectangle
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.offline.axes import axis_label, display_units, literal
+from tactile_localizer.offline.figures.proportions import is_flat, keep_proportions, plan_size
 from tactile_localizer.scene import Phalanx, Scene
 
 _COLOURS = "RdBu_r"
@@ -44,6 +45,7 @@ class MapFigures:
         self._scene, self._axes = self._map.scene, self._map.axes
         self._nodes = [display_units(*each) for each in zip(self._axes, self._map.nodes, strict=True)]
         self._labels = [axis_label(axis) for axis in self._axes]
+        self._side = "bottom" if is_flat(self._scene) else "right"
 
     def channels(
         self, columns: int = COLUMNS, size_in: float = SIZE_IN, most_channels: int = MAX_CHANNELS
@@ -72,7 +74,7 @@ class MapFigures:
             figures[f"map_{phalanx.name}"] = figure
         return figures
 
-    def signals(self, size_in: tuple[float, float] = (5.0, 4.4)) -> dict[str, Figure]:
+    def signals(self, width_in: float = 5.0) -> dict[str, Figure]:
         """How far the strain of each phalanx is from that of featureless material: what a scan distinguishes.
 
         The signal is the root mean square over the channels. There is a figure for each phalanx, or on one
@@ -80,8 +82,9 @@ class MapFigures:
 
         Parameters
         ----------
-        size_in : width and height of a figure, inches
+        width_in : width of a figure, inches
         """
+        size_in, label = plan_size(self._scene, width_in)[1], f"strain above featureless, {self._unit}"
         names = self._scene.phalanx_names
         signals = [np.sqrt(np.mean(self._map.phalanx(name) ** 2, axis=-1)) for name in names]
         if len(self._axes) == 1:
@@ -89,7 +92,7 @@ class MapFigures:
             plot = figure.subplots()
             for name, signal in zip(names, signals, strict=True):
                 plot.plot(self._nodes[0], signal, label=literal(name))
-            plot.set(xlabel=self._labels[0], ylabel=f"signal, {self._unit}", ylim=(0, None))
+            plot.set(xlabel=self._labels[0], ylabel=label, ylim=(0, None))
             plot.legend(frameon=False)
             return {"signal": figure}
         limit, figures = float(np.nanmax(signals)) or 1.0, {}
@@ -98,16 +101,17 @@ class MapFigures:
             plot = figure.subplots()
             mesh = self._mesh(plot, signal, cmap=_STRENGTH, vmin=0, vmax=limit)
             plot.set(title=literal(name), xlabel=self._labels[0], ylabel=self._labels[1])
-            figure.colorbar(mesh, label=f"signal, {self._unit}", shrink=0.9)
+            keep_proportions(plot, self._axes)
+            figure.colorbar(mesh, label=label, location=self._side)
         return figures
 
     def _maps(self, phalanx: Phalanx, channels: Sequence[int], columns: int, size_in: float) -> Figure:
         """The paths of the sweeps, and the maps of channels of a phalanx in one colour scale."""
         count = 1 + len(channels)
-        columns = min(columns, count)
+        columns, (width_in, height_in) = plan_size(self._scene, size_in * columns, count, columns)
         rows = math.ceil(count / columns)
-        size = 0.6 * size_in + size_in * columns, 0.4 * size_in + size_in * rows
-        figure = Figure(figsize=size, layout="compressed")
+        bar_in = (0.0, 0.6) if is_flat(self._scene) else (0.6 * size_in, 0.0)
+        figure = Figure(figsize=(width_in + bar_in[0], height_in + bar_in[1]), layout="compressed")
         plots = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
         signal = np.abs(self._map.values - self._map.background)
         limit = float(np.nanpercentile(signal, 99.8)) or 1.0
@@ -126,9 +130,10 @@ class MapFigures:
             elif place + columns >= count:
                 plot.set_xlabel(self._labels[0])
                 plot.tick_params(labelbottom=True)  # also where the row below is shorter
+            keep_proportions(plot, self._axes)
         for plot in plots[:, 0]:
             plot.set_ylabel(self._labels[1])
-        bar = figure.colorbar(colours, ax=plots, extend="both")
+        bar = figure.colorbar(colours, ax=plots, extend="both", location=self._side)
         bar.set_label(f"strain minus that\nof featureless material, {self._unit}")
         return figure
 
@@ -160,7 +165,6 @@ class MapFigures:
     def _mesh(self, plot: Axes, values: np.ndarray, **colours: Any) -> QuadMesh:
         """Draw values (n1, n2) of the map's nodes, grey where there are none."""
         plot.set_facecolor(_NO_DATA)
-        plot.set_aspect("auto" if "yaw" in self._axes else "equal")
         return plot.pcolormesh(*self._nodes, np.ma.masked_invalid(values.T), rasterized=True, **colours)
 
     def _draw_sweeps(self, plot: Axes) -> None:
@@ -173,7 +177,6 @@ class MapFigures:
             plot.plot(x, y, color=colour, linewidth=1.0)
             plot.plot(x[:1], y[:1], "o", color=colour, markersize=4)
         plot.set_title(f"{len(numbers)} sweeps, {len(scan)} pairs", fontsize="medium")
-        plot.set_aspect("auto" if "yaw" in self._axes else "equal")
 
     def _region(self, phalanx: Phalanx) -> list[np.ndarray]:
         """On each axis the least and largest palm position with the phalanx in the region, in the bounds."""

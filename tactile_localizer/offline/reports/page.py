@@ -18,12 +18,15 @@ import yaml
 from markupsafe import Markup
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from tactile_localizer import __version__
 from tactile_localizer.io.whole_file import RESULT
 
 WIDTH_IN = 4.7
 """Width of a figure, inches: two beside each other on a desk, one at nearly its size on a telephone."""
+_MARGIN_IN = 0.05
+"""Margin above and below a figure, inches."""
 _TEXT_PT = 8.0
 """Size of the text of figures, points."""
 _STYLE: dict[Any, Any] = {
@@ -88,11 +91,24 @@ def _svg(figure: Figure, caption: str) -> Markup:
     """An SVG element, the same for the same figure; clip paths and markers are named by the caption."""
     drawn = io.StringIO()
     with rc_context({"svg.hashsalt": caption}):
-        figure.savefig(drawn, format="svg", metadata={"Date": None, "Creator": None}, dpi=150)
+        figure.savefig(
+            drawn,
+            format="svg",
+            metadata={"Date": None, "Creator": None},
+            dpi=150,
+            bbox_inches=_without_margins(figure),
+        )
     element = drawn.getvalue()
     element = element[element.index("<svg ") :]
     element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.DOTALL)
     return Markup(re.sub(r'<g id="[^"]*"', "<g", element))
+
+
+def _without_margins(figure: Figure) -> Bbox:
+    """Box of a figure's whole width without what is empty above and below, inches."""
+    figure.draw_without_rendering()
+    drawn = figure.get_tightbbox()
+    return Bbox([[0.0, drawn.y0 - _MARGIN_IN], [figure.get_figwidth(), drawn.y1 + _MARGIN_IN]])
 
 
 def sentence(text: str) -> str:

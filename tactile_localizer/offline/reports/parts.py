@@ -29,28 +29,35 @@ def examination_sections(examination: Examination, scene: Scene, found: Sequence
     if not examination.on_map:
         return []
     size_in = WIDTH_IN, 0.8 * WIDTH_IN
-    purpose = "Sweeps of the scan were left out of the map and localized on it, as an unseen one will be"
+    purpose = "Each sweep here was localized on the map made of the others, as an unseen sweep will be"
     lines = [purpose, *describe_examination(scene, examination), *found]
     figures = [
-        (held_out_figure(examination, scene, size_in), "Error at the end of each held-out sweep."),
-        (score_figure(examination, size_in), "Logarithm of the probability that the truth is given."),
+        (held_out_figure(examination, scene, size_in), "Error at the end of each sweep that was left out."),
+        (
+            score_figure(examination, size_in),
+            "How probable the localizer finds what is true (geometric mean along the sweeps; more is "
+            "better), by the travel that counts as one independent measurement. Grey line: the one chosen.",
+        ),
     ]
     return [Section("The examination of the scan", [f"{sentence(line)}." for line in lines], figures)]
 
 
 def map_section(scan: Scan, scene: Scene, recording: Recording) -> Section:
-    """What the scan holds: the signal of each phalanx, and folded each channel."""
+    """What the scan holds: the strain above featureless of each phalanx, and folded each channel."""
     unit = recording.sweeps[0].strain_unit if recording.sweeps else "V"
     figures = MapFigures(scan, scene, unit)
-    signals = figures.signals((WIDTH_IN, 0.85 * WIDTH_IN))
+    signals = figures.signals(WIDTH_IN)
     channels = figures.channels(_MAP_COLUMNS, WIDTH_IN / _MAP_COLUMNS, _CHANNELS)
     each = [(figure, f"{name.removeprefix('map_')}, by channel") for name, figure in channels.items()]
     return Section(
         "The map",
         lines=[
-            "Signal: strain minus that of featureless material, root mean square over the channels. "
-            "Where two places have the same strain, touch alone cannot tell them apart."
+            "What each finger feels where the palm is: strain above that of featureless material (root mean "
+            "square over the channels). Where two places feel the same, touch alone cannot tell them apart."
         ],
-        figures=[(figure, name.replace("_", " of ", 1)) for name, figure in signals.items()],
+        figures=[
+            (figure, name.replace("signal", "Strain").replace("_", " of ", 1))
+            for name, figure in signals.items()
+        ],
         folded=[Section(f"Each channel of {listed(scan.phalanges)}", figures=each)],
     )

@@ -120,8 +120,11 @@ def _sweeps(sweeps: Sequence[ReplayedSweep]) -> list[Section]:
     table = Section(f"{counted(len(rows), 'sweep')}", columns=columns, numbers=columns[2:5], rows=rows)
     size_in = WIDTH_IN, WIDTH_IN
     figures = [
-        (replay_figure(sweeps, size_in), "Error, and what the estimate says of it, along each sweep."),
-        (paths_figure(sweeps, size_in), "Where the palm was, and what the estimate claimed there."),
+        (
+            replay_figure(sweeps, size_in),
+            "True error, and the standard deviation that the estimate claims, along each sweep.",
+        ),
+        (paths_figure(sweeps, WIDTH_IN), "Where the palm was, and what the estimate claimed there."),
     ]
     return [Section("Error along the sweeps", figures=figures, folded=[table])]
 
@@ -148,9 +151,9 @@ def _worst_sweep(evaluation: Evaluation) -> list[Section]:
         rows.append(("", (letter, *numbers, sweep.reason[at])))
     caption = f"The belief at {counted(len(moments), 'moment')}"
     caption += "; darker is more probable" if sweep.scene.dimension > 1 else ""
-    caption += ", the red cross is the true position." if sweep.truth is not None else "."
+    caption += ", the true position is in the middle of the red cross." if sweep.truth is not None else "."
     figures = [
-        (belief_figure(sweep, moments, beliefs, (WIDTH_IN, WIDTH_IN)), caption),
+        (belief_figure(sweep, moments, beliefs, WIDTH_IN), caption),
         (
             progress_figure(sweep, moments, (WIDTH_IN, 0.8 * WIDTH_IN)),
             "Probability and error along the sweep; dashed: the threshold.",
