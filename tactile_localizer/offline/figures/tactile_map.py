@@ -102,7 +102,7 @@ class MapFigures:
             mesh = self._mesh(plot, signal, cmap=_STRENGTH, vmin=0, vmax=limit)
             plot.set(title=literal(name), xlabel=self._labels[0], ylabel=self._labels[1])
             keep_proportions(plot, self._axes)
-            figure.colorbar(mesh, label=label, location=self._side)
+            figure.colorbar(mesh, label=label, location=self._side, shrink=0.8)
         return figures
 
     def _maps(self, phalanx: Phalanx, channels: Sequence[int], columns: int, size_in: float) -> Figure:
