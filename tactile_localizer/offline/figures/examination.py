@@ -45,12 +45,10 @@ def score_figure(examination: Examination, size_in: tuple[float, float]) -> Figu
     plot = figure.subplots()
     lengths, *scores = np.array(examination.scores, dtype=float).T
     on_map, off_map = np.exp(scores)
-    plot.plot(MM * lengths, on_map, "o-", color="tab:blue", label="of the true place")
+    plot.plot(MM * lengths, on_map, "o-", color="tab:blue", label="true place")
     if examination.off_map:
-        plot.plot(
-            MM * lengths, off_map, "s--", color="tab:orange", label="of unknown material, where it is unknown"
-        )
-    plot.axhline(np.exp(examination.ignorance), color="0.4", ls=":", label="a blind guess at the place")
+        plot.plot(MM * lengths, off_map, "s--", color="tab:orange", label="unknown material")
+    plot.axhline(np.exp(examination.ignorance), color="0.4", ls=":", label="blind guess")
     plot.axvline(MM * examination.information_length, color="0.7", zorder=0, label="chosen")
     plot.set(xlabel="information length, mm", ylabel="probability", xscale="log", ylim=(0.0, 1.0))
     plot.set_xticks(MM * lengths, [f"{MM * length:g}" for length in lengths])

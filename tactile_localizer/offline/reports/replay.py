@@ -122,7 +122,7 @@ def _sweeps(sweeps: Sequence[ReplayedSweep]) -> list[Section]:
     figures = [
         (
             replay_figure(sweeps, size_in),
-            "Error where the truth is known, and the standard deviation that the estimate claims, along each sweep.",
+            "Error, where the truth is known, and standard deviation of the estimate along each sweep.",
         ),
         (paths_figure(sweeps, WIDTH_IN), "Where the palm was, and what the estimate claimed there."),
     ]
