@@ -279,11 +279,12 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--sweeps", type=int, default=18)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler, in place of processes")
     parser.add_argument("--out", type=Path, default=Path("out/paper"))
     given = parser.parse_args()
     calls = [(feature, seed, given.sweeps) for feature in given.features for seed in given.seeds]
     rows: list[dict[str, Any]] = [
-        row for own in in_parallel(localize, calls, given.jobs, "scans") for row in own
+        row for own in in_parallel(localize, calls, given.jobs, "scans", given.cluster) for row in own
     ]
     # Sweeps of all methods in the same order, so that differences are between the same sweeps.
     rows.sort(key=lambda row: given.features.index(row["feature"]))

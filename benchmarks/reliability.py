@@ -143,7 +143,8 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, metavar="FILE")
     given = parser.parse_args()
     calls = [(folder, named_configuration(given.configuration)) for folder in given.folders]
-    sets = [own for found in in_parallel(claims, calls, given.jobs, "measuring") for own in found]
+    found = in_parallel(claims, calls, given.jobs, "measuring", given.cluster)
+    sets = [own for each in found for own in each]
     rows = table(sets)
     print_rows(("range",), COLUMNS, rows)
     if given.picture is not None:

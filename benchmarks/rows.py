@@ -7,26 +7,42 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import joblib
-
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.tables import print_table
 from tactile_localizer.io.whole_file import write_text
+from tactile_localizer.offline import parallel
+from tactile_localizer.offline.parallel import Lost
 
 Row = dict[str, Any]
 
 
 def in_parallel(
-    function: Callable[..., list[Row]], arguments: Sequence[tuple[Any, ...]], jobs: int, what: str
+    function: Callable[..., list[Row]],
+    arguments: Sequence[tuple[Any, ...]],
+    jobs: int,
+    what: str,
+    cluster: str | None = None,
 ) -> Iterator[list[Row]]:
-    """Rows of each call as soon as it is finished, in ``jobs`` processes with one thread each."""
-    calls = [joblib.delayed(function)(*each) for each in arguments]
-    with joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1):
-        results = joblib.Parallel(return_as="generator_unordered", batch_size=1)(calls)
-        with progress_line() as show:
-            for done, rows in enumerate(results):
-                show(what, done / len(calls))
+    """Rows of each call as soon as it is finished, in ``jobs`` processes or on a Dask cluster.
+
+    Its workers need the folder of the benchmarks on ``PYTHONPATH``, and the files under the same paths. What
+    is lost is named at the end, with status 1.
+    """
+    lost = []
+    with progress_line() as show:
+        calls = [(function, each) for each in arguments]
+        options: dict[str, Any] = {"jobs": jobs, "cluster": cluster, "progress": show, "what": what}
+        for number, rows in parallel.in_parallel(_called, calls, **options):
+            if isinstance(rows, Lost):
+                lost.append(f"lost: {arguments[number]}, {rows}")
+            else:
                 yield rows
+    if lost:
+        raise SystemExit("\n".join(lost))
+
+
+def _called(function: Callable[..., list[Row]], arguments: tuple[Any, ...], _progress: Any) -> list[Row]:
+    return function(*arguments)
 
 
 def accuracy_parser(description: str) -> argparse.ArgumentParser:
@@ -36,6 +52,7 @@ def accuracy_parser(description: str) -> argparse.ArgumentParser:
     )
     parser.add_argument("--configuration", default="default", help="default, a preset, or a YAML file")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler, in place of processes")
     parser.add_argument("--json", type=Path, metavar="FILE")
     return parser
 
@@ -49,7 +66,7 @@ def measured(
 ) -> list[Row]:
     """The rows of all calls in their ``order``; those so far and their ``totals`` are in the JSON file."""
     rows: list[Row] = []
-    for own in in_parallel(function, calls, given.jobs, "measuring"):
+    for own in in_parallel(function, calls, given.jobs, "measuring", given.cluster):
         rows = sorted(rows + own, key=order)
         if given.json is not None:
             write_rows(given.json, vars(given), rows, totals(rows))

@@ -1,6 +1,6 @@
 """Speed: what a user waits for with a recording, and decoding of load cells.
 
-    scripts/in_env python benchmarks/speed.py [DIR] [--repeat 5] [--json FILE]
+    scripts/in_env python benchmarks/speed.py [DIR] [--repeat 5] [--pairs N...] [--beside TREE] [--json FILE]
 
 ``DIR`` is a folder of ``recorded.py`` (default: ``examples/recordings/engine_bump``). Commands run as a
 user's do, each in a process of its own; a time is the median processor time of that process, s, which a busy
@@ -19,6 +19,9 @@ beside their errors, ``peers.py`` those of other packages' particle filters.
     the same of two strains
 ``import, learning and replay``
     the two commands together
+``N pairs: import csv``, ``first estimate``
+    the same with a scan of so many pairs, simulated lines that are passed again and again with other noise,
+    and the largest resident size of the process, MB
 ``reading of CSV``
     processor time of reading 162,180 rows of 20 columns, by that of ``numpy.loadtxt``
 ``decoding``
@@ -34,7 +37,10 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 import can
 import cantools
@@ -46,16 +52,26 @@ from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.csv.columns import channel_names
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.csv.rows import read_rows
+from tactile_localizer.io.scene_file import save_scene
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
+from tactile_localizer.sim import shipped_scene, simulate_recording
 
 CAN_RATE_HZ = 500.0
+_TREE = Path(__file__).resolve().parents[1]
 _BATCH = 1024
 """Frames that are decoded together, as the driver reads them."""
 
 
-def commands(folder: Path) -> dict[str, float]:
-    """Processor times of the commands on a recording, s, by name."""
+class Cost(NamedTuple):
+    """Processor time of a command, s, and its largest resident size, MB."""
+
+    seconds: float
+    memory: float
+
+
+def commands(folder: Path, tree: Path) -> dict[str, Cost]:
+    """Costs of the commands of a source tree on a recording, by name."""
     train, test = (next(folder.glob(f"{name}.csv*")) for name in ("train", "test"))
     with tempfile.TemporaryDirectory() as name:
         scan, two = f"{name}/scan", Path(name, "two.csv")
@@ -63,27 +79,63 @@ def commands(folder: Path) -> dict[str, float]:
         two.write_text("\n".join([",".join(header.names), *list(next(rows).values())[:2]]))
         replay = ["replay", test, "--scan", scan]
         return {
-            "import of the package": processor_s("import tactile_localizer.cli.replay"),
-            "import csv": command_s("import", "csv", train, "--scene", folder / "scene.yaml", "-o", scan),
-            "learning and replay": command_s(*replay),
-            "replay": command_s(*replay),
-            "first estimate": command_s("replay", two, "--scan", scan),
+            "import of the package": cost(tree, "import tactile_localizer.cli.replay"),
+            "import csv": command(tree, "import", "csv", train, "--scene", folder / "scene.yaml", "-o", scan),
+            "learning and replay": command(tree, *replay),
+            "replay": command(tree, *replay),
+            "first estimate": command(tree, "replay", two, "--scan", scan),
         }
 
 
-def command_s(*arguments: object) -> float:
-    """Processor time of ``tactile-localizer`` with arguments, s."""
-    return processor_s("import sys; from tactile_localizer.cli import main; sys.exit(main())", *arguments)
+def commands_on(pairs: int, trees: Sequence[Path]) -> list[dict[str, Cost]]:
+    """Costs of the commands of each source tree on a scan of so many pairs."""
+    found = []
+    with tempfile.TemporaryDirectory() as name:
+        train, two = Path(name, "train.csv"), Path(name, "two.csv")
+        save_scene(shipped_scene("bump"), f"{name}/scene.yaml")
+        write_lines(train, pairs)
+        with train.open() as file:
+            two.write_text("".join(islice(file, 3)))
+        for number, tree in enumerate(trees):
+            scan = f"{name}/scan_{number}"
+            first = "replay", two, "--scan", scan
+            made = command(tree, "import", "csv", train, "--scene", f"{name}/scene.yaml", "-o", scan)
+            command(tree, *first)  # keeps what it learned
+            costs = {"import csv": made, "first estimate": command(tree, *first)}
+            found.append({f"{pairs} pairs: {what}": each for what, each in costs.items()})
+    return found
 
 
-def processor_s(program: str, *arguments: object) -> float:
-    """Processor time of a Python program, s."""
-    before = os.times()
-    command = [sys.executable, "-c", program, *map(str, arguments)]
-    status = subprocess.run(command, check=False, stdout=subprocess.DEVNULL).returncode
-    assert status < 2, command  # 1: not every sweep is localized
-    after = os.times()
-    return after.children_user + after.children_system - before.children_user - before.children_system
+def write_lines(path: Path, pairs: int) -> None:
+    """Write a CSV file of simulated lines that are passed again and again, each time with other noise."""
+    rng, lines, scene = np.random.default_rng(0), simulate_recording("bump", 1).sweeps, shipped_scene("bump")
+    names = [name for each in scene.phalanges for name in channel_names(each.name, each.channels)]
+    row = ",".join(["%.9f", "%d", *["%.7f"] * scene.dimension, *["%.6f"] * len(names)]) + "\n"
+    with path.open("w") as file:
+        print("stamp_s", "sweep", *scene.axis_names, *names, sep=",", file=file)
+        for number in range(round(pairs / sum(map(len, lines))) * len(lines)):
+            line = lines[number % len(lines)]
+            shift, level = rng.normal(0.0, [2e-4, 4e-4]), rng.normal(0.0, 0.01, len(names))
+            position = np.clip(line.position + shift, scene.lower, scene.upper)
+            strain = line.strain + level + rng.normal(0.0, 0.005, line.strain.shape)
+            stamp_s = 1e-9 * (line.stamp_ns - line.stamp_ns[0]) + 10.0 * (number + 1)
+            each = zip(stamp_s, position, strain, strict=True)
+            file.writelines(row % (stamp, number, *place, *felt) for stamp, place, felt in each)
+
+
+def command(tree: Path, *arguments: object) -> Cost:
+    """Cost of ``tactile-localizer`` of a source tree with arguments."""
+    return cost(tree, "import sys; from tactile_localizer.cli import main; sys.exit(main())", *arguments)
+
+
+def cost(tree: Path, program: str, *arguments: object) -> Cost:
+    """Cost of a Python program."""
+    line, environment = [sys.executable, "-c", program, *map(str, arguments)], {"PYTHONPATH": str(tree)}
+    process = subprocess.Popen(line, env=os.environ | environment, stdout=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert 0 <= process.returncode < 2, line  # 1: not every sweep is localized
+    return Cost(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 
 
 def decoding(cycles: int) -> Row:
@@ -139,20 +191,39 @@ def main() -> None:
         "folder", type=Path, nargs="?", default=Path("examples/recordings/engine_bump"), metavar="DIR"
     )
     parser.add_argument("--repeat", type=int, default=5, help="of the commands")
+    text = "sizes of other scans, such as 162000 1000000"
+    parser.add_argument("--pairs", type=int, nargs="*", default=(), metavar="N", help=text)
+    text = "source tree of another version, whose commands take turns with these"
+    parser.add_argument("--beside", type=Path, metavar="TREE", help=text)
     parser.add_argument("--cycles", type=int, default=5000, help="of the load cells")
     parser.add_argument("--json", type=Path, metavar="FILE")
     given = parser.parse_args()
-    times = [commands(given.folder) for _ in range(given.repeat)]
-    for each in times:
-        each["import, learning and replay"] = each["import csv"] + each["learning and replay"]
-    rows: list[Row] = [
-        {"name": name, "value": float(np.median([each[name] for each in times])), "unit": "s"}
-        for name in times[0]
+    trees = [_TREE, *filter(None, [given.beside])]
+    runs = [[commands(given.folder, tree) for tree in trees] for _ in range(given.repeat)]
+    costs = [
+        {name: Cost(*np.median([run[number][name] for run in runs], axis=0)) for name in runs[0][number]}
+        for number in range(len(trees))
     ]
+    for each in costs:
+        parts = each["import csv"], each["learning and replay"]
+        each["import, learning and replay"] = Cost(
+            sum(part.seconds for part in parts), max(part.memory for part in parts)
+        )
+    for pairs in given.pairs:
+        for own, more in zip(costs, commands_on(pairs, trees), strict=True):
+            own |= more
+    rows: list[Row] = []
+    for name, (seconds, memory) in costs[0].items():
+        rows.append({"name": name, "value": seconds, "unit": "s", "memory": memory})
+        if given.beside is not None:
+            other = costs[1][name]
+            rows[-1] |= {"ratio": seconds / other.seconds, "memory_ratio": memory / other.memory}
     rows += [csv_reading(162_180), decoding(given.cycles)]
     if given.json is not None:
         write_rows(given.json, vars(given), rows, [])
-    print_rows(("name", "unit"), {"value": ("value", ".3g")}, rows)
+    columns = {"value": ("value", ".3g"), "ratio": ("times beside", ".2f")}
+    columns |= {"memory": ("MB", ".0f"), "memory_ratio": ("times beside", ".2f")}
+    print_rows(("name", "unit"), columns, rows)
 
 
 if __name__ == "__main__":

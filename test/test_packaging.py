@@ -28,7 +28,7 @@ ROSDEP_KEYS = {
     "scipy": "python3-scipy",
 }
 
-EXTRAS = ("argcomplete", "jinja2", "joblib", "matplotlib", "mcap", "msgpack", "rosbags")
+EXTRAS = ("argcomplete", "distributed", "jinja2", "joblib", "matplotlib", "mcap", "msgpack", "rosbags")
 
 ROS_PACKAGE = r"\w+_(msgs|srvs|interfaces)|rclpy|launch|launch_ros|ament_index_python|tf2_\w+"
 
@@ -222,6 +222,7 @@ def test_the_help_of_a_command_needs_no_extra(tmp_path: Path) -> None:
         ("rosbags", "import bag . --scene bump.yaml -o scan"),
         ("mcap", "import bag . --scene bump.yaml -o scan"),
         ("joblib", "tradeoff a.csv --scan scan --jobs 2"),
+        ("distributed", "replay a.csv --scan scan --cluster tcp://a:1"),
         ("matplotlib", "replay a.csv --scan scan --plot b.png"),
         ("jinja2", "replay a.csv --scan scan --report b.html"),
         ("matplotlib", "scan info scan --report b.html"),

@@ -85,6 +85,8 @@ def _installed_by(library: str) -> str:
     """What to do where a library is absent, and all else of its kind that is."""
     if library == "rclpy":
         return "source ROS 2; `make demo` makes an environment that has it"
+    if library == "distributed":
+        return "`pip install '.[cluster]'` installs it"
     if library not in _EXTRAS:
         return "`pip install .` installs what is needed"
     others = [one for one in _EXTRAS if one != library and importlib.util.find_spec(one) is None]

@@ -1,8 +1,10 @@
 """Command-line options for recordings and scans, and the seed."""
 
 import argparse
+import importlib
+import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,17 +13,17 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.cli.outputs import InputPath
-from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.bags.sweeps import TOPICS
 from tactile_localizer.io.csv.columns import ColumnNaming, load_naming, naming_from_dict, naming_from_pairs
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import Recording, is_bag, is_scan, join, undelayed
+from tactile_localizer.io.recording import Recording, is_bag, is_scan, undelayed
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.strain_adapter import load_adapter
 from tactile_localizer.library import read_recording
 from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED, with_odometry
+from tactile_localizer.offline.recordings import Read
 from tactile_localizer.quantity import number
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
@@ -37,15 +39,14 @@ def add_scan_arguments(parser: argparse.ArgumentParser) -> None:
     add("--scene", help="scene file (YAML), or the name of a shipped one (default: the scan's)")
 
 
-def scan_from_arguments(args: argparse.Namespace) -> tuple[Scan, Scene]:
-    """The scan and the scene; prints a note if the scene is not that of the scan."""
-    folder = ScanFolder(args.scan)
-    scanned = folder.scene
+def scene_from_arguments(args: argparse.Namespace) -> Scene:
+    """The scene; prints a note if it is not that of the scan."""
+    scanned = ScanFolder(args.scan).scene
     scene = load_scene(given_or_shipped(args.scene, "config/scenes")) if args.scene else scanned
     if scene.name != scanned.name:
         note = f"note: {args.scan} was scanned with scene {scanned.name}, and is used with {scene.name}"
         print(note, file=sys.stderr)
-    return folder.load(), scene
+    return scene
 
 
 def add_csv_arguments(parser: argparse.ArgumentParser) -> None:
@@ -146,28 +147,73 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     add_delay_argument(parser, "that which the import of the scan corrected")
 
 
-def read_recordings(args: argparse.Namespace, scene: Scene, paths: Sequence[str]) -> tuple[Recording, bool]:
-    """The joined recordings, and whether their positions are true where they have no other truth.
+def add_parallel_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare ``--jobs`` and ``--cluster``."""
+    add = parser.add_argument
+    add("--jobs", type=int, default=1, metavar="N", help="processes; -1: one per core")
+    text = "Dask scheduler, such as tcp://host:8786, whose workers read the recordings and replay them"
+    add("--cluster", metavar="ADDRESS", help=text)
+
+
+def require_parallel(args: argparse.Namespace) -> None:
+    """Require the libraries of ``--jobs`` and ``--cluster``.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        There is no such library.
+    """
+    if args.cluster is not None:
+        importlib.import_module("distributed")
+    elif args.jobs != 1:
+        importlib.import_module("joblib")
+
+
+def readers_from_arguments(args: argparse.Namespace, scene: Scene) -> list[Read]:
+    """A function for each recording of ``add_recording_arguments``, which any process can call to read it.
 
     Raises
     ------
     ScanError
-        A recording cannot be read, or only some of them are bags.
+        There is no such recording, only some of them are bags, or there are as many files of poses as neither
+        one nor all.
     """
-    bags = [is_bag(Path(path)) for path in paths]
-    if any(bags):
-        if not all(bags):
-            raise ScanError(f"{paths[bags.index(False)]}: expected only bags beside a bag")
-        options = bag_options(args, scene)
-        bags_read = join([read_recording(path, scene, **options) for path in paths])
-        return _undelayed(args, scene, bags_read), False
-    tables = [path for path in paths if not is_scan(Path(path))]
-    read = [read_recording(path, scene) for path in paths if path not in tables]
-    if tables:
-        naming = naming_from_arguments(args, imported_columns(args.scan))
-        table = read_csv(tables, scene, naming, poses=args.poses, max_gap_s=args.max_gap)
-        read.append(_undelayed(args, scene, table))
-    return join(read), True
+    bags = [is_bag(Path(path)) for path in args.recordings]
+    if any(bags) and not all(bags):
+        raise ScanError(f"{args.recordings[bags.index(False)]}: expected only bags beside a bag")
+    tables = [path for path in args.recordings if not is_bag(Path(path)) and not is_scan(Path(path))]
+    if tables and len(args.poses) not in (0, 1, len(tables)):
+        count = len(tables)
+        raise ScanError(f"poses: expected 1 or {count} files beside {count}, got {len(args.poses)}")
+    if args.cluster is not None:  # workers have other working directories
+        for name, given in vars(args).items():
+            setattr(args, name, [*map(_absolute, given)] if isinstance(given, list) else _absolute(given))
+    reads: list[Read] = [
+        partial(_read_odometry, args, scene, number) for number in range(len(args.recordings))
+    ]
+    for path, read in zip(args.recordings, reads, strict=True):
+        if not os.path.lexists(path):
+            read()  # raises, before anything is learned
+    return reads
+
+
+def _absolute(given: Any) -> Any:
+    is_there = isinstance(given, InputPath) and os.path.lexists(given)
+    return InputPath(str(Path(given).absolute())) if is_there else given
+
+
+def _read_recording(args: argparse.Namespace, scene: Scene, number: int) -> tuple[Recording, bool]:
+    """A recording by its place, and whether its positions are true where it has no other truth."""
+    path = args.recordings[number]
+    if is_bag(Path(path)):
+        return _undelayed(args, scene, read_recording(path, scene, **bag_options(args, scene))), False
+    if is_scan(Path(path)):
+        return read_recording(path, scene), True
+    before = sum(not is_scan(Path(other)) for other in args.recordings[:number])
+    poses = args.poses[before : before + 1] if len(args.poses) > 1 else args.poses
+    naming = naming_from_arguments(args, imported_columns(args.scan))
+    table = read_csv(path, scene, naming, poses=poses, max_gap_s=args.max_gap)
+    return _undelayed(args, scene, table), True
 
 
 def _undelayed(args: argparse.Namespace, scene: Scene, recording: Recording) -> Recording:
@@ -187,24 +233,22 @@ def imported_columns(scan: str) -> Mapping[str, Any]:
     return found[-1] if found and isinstance(found[-1], Mapping) else {}
 
 
-def odometry_from_arguments(
-    args: argparse.Namespace, scene: Scene, paths: Sequence[str]
-) -> tuple[Recording, str]:
-    """Recordings of ``add_recording_arguments``, whose positions are odometry, and the kind of the odometry.
+def _read_odometry(args: argparse.Namespace, scene: Scene, number: int) -> tuple[Recording, str]:
+    """A recording, whose positions are odometry, and the kind of the odometry.
 
     Raises
     ------
     ScanError
-        As :func:`read_recordings`.
+        It cannot be read.
     """
-    recording, true_positions = read_recordings(args, scene, paths)
+    recording, true_positions = _read_recording(args, scene, number)
     with_truth = [sweep for sweep in recording.sweeps if sweep.truth is not None]
     if true_positions and 0 < len(with_truth) < len(recording.sweeps):
         raise ScanError(f"{recording.source}: expected true positions beside the arm's in all or in none")
     if with_truth or not true_positions:
         return recording, RECORDED
     # The noise must not use the random stream of the localizer, which is that of the filter node.
-    noise = np.random.default_rng([args.seed, 1])
+    noise = np.random.default_rng([args.seed, 1, number] if number else [args.seed, 1])
     return with_odometry(recording, scene, noise, args.odometry), args.odometry
 
 

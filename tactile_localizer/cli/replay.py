@@ -10,26 +10,32 @@ import numpy as np
 from tactile_localizer.cli.outputs import InputPath, output_path, results, write_picture, write_report
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
+    add_parallel_arguments,
     add_recording_arguments,
     add_scan_arguments,
     add_seed_argument,
-    odometry_from_arguments,
-    scan_from_arguments,
+    readers_from_arguments,
+    require_parallel,
+    scene_from_arguments,
 )
 from tactile_localizer.cli.tables import print_table
 from tactile_localizer.core.configuration import FILTERS, SWEEP_MIXTURE
-from tactile_localizer.core.factory import build_localizer
-from tactile_localizer.core.scan.range import ScanRange, describe_misfit
-from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import counted, printable
+from tactile_localizer.core.scan.range import describe_misfit
+from tactile_localizer.errors import ScanError, counted, printable
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
-from tactile_localizer.io.recording import Recording, usable
-from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.io.scans.learned import ready_localizer
 from tactile_localizer.offline.axes import MM
-from tactile_localizer.offline.metrics import with_contact
-from tactile_localizer.offline.replay import replay
+from tactile_localizer.offline.metrics import contact_map
+from tactile_localizer.offline.parallel import Lost, in_parallel
+from tactile_localizer.offline.recordings import (
+    Make,
+    ReplayedRecording,
+    build_from_folder,
+    joined,
+    load_pairs,
+    replay_recording,
+)
 from tactile_localizer.offline.replay_document import Evaluation, replay_document
-from tactile_localizer.scene import Scene
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--filter", choices=FILTERS, help="Bayes filter (default: grid, which is exact)")
     add_seed_argument(parser)
     add_recording_arguments(parser)
+    add_parallel_arguments(parser)
     text = "write the summary and every estimate (-: to standard output, all else to standard error)"
     add = partial(parser.add_argument, type=output_path, metavar="FILE")
     add("--json", help=text)
@@ -56,24 +63,45 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _replay(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]) -> int:
-    scan, scene = scan_from_arguments(args)
+    require_parallel(args)
+    scene = scene_from_arguments(args)
     configuration = load_configuration(args.config, model=args.model, filter=args.filter)
-    recording, odometry = odometry_from_arguments(args, scene, args.recordings)
+    reads = readers_from_arguments(args, scene)
     with progress_line() as progress:
-        calibration = learned_calibration(args.scan, scan, scene, progress)
         rng = np.random.default_rng(args.seed)
-        localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
-        sweeps = replay(localizer, with_contact(recording, localizer.model), progress)
+        localizer, calibration, bounds = ready_localizer(args.scan, scene, configuration, rng, progress)
+        # A particle filter's random numbers begin anew with each recording, in whichever process that is.
+        make: Make = partial(build_from_folder, args.scan, scene, configuration, args.seed)
+        if args.jobs == 1 and args.cluster is None and (len(reads) == 1 or configuration.filter == "grid"):
+            make = lambda: localizer  # noqa: E731
+        contact = contact_map(localizer.model)
+        calls = [(read, make, contact, bounds) for read in reads]
+        found = dict(
+            in_parallel(replay_recording, calls, jobs=args.jobs, cluster=args.cluster, progress=progress)
+        )
+    parts = {number: part for number, part in sorted(found.items()) if not isinstance(part, Lost)}
+    lost = [f"{args.recordings[number]}: {found[number]}" for number in sorted(found.keys() - parts)]
+    if not parts:
+        raise ScanError(f"expected recordings that could be replayed, lost {'; '.join(lost)}")
+    replayed = joined(list(parts.values()))
     evaluation = Evaluation(
-        args.scan, scan, scene, configuration, calibration, localizer, recording, odometry, args.seed, sweeps
+        args.scan,
+        partial(load_pairs, args.scan),
+        scene,
+        configuration,
+        calibration,
+        localizer,
+        replayed,
+        args.seed,
+        [reads[number] for number in parts],
     )
     verdict, document = evaluation.verdict, replay_document(evaluation)
     write(document)
     if args.plot is not None:
         from tactile_localizer.offline.figures.replay import replay_figure
 
-        write_picture(args.plot, replay_figure(sweeps))
-    notes = [*map(printable, filter(None, (*recording.notes, _misfit(scan, scene, recording))))]
+        write_picture(args.plot, replay_figure(replayed.sweeps))
+    notes = [*map(printable, filter(None, (*replayed.notes, _misfit(replayed))))]
     if args.report is not None:
         from tactile_localizer.offline.reports.replay import replay_report
 
@@ -82,24 +110,15 @@ def _replay(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]) -
         print(f"note: {line}")
     _print(document, args.scan)
     print(*verdict.notes, verdict, sep="\n")
-    return 0 if verdict.success else 1
+    for line in lost:
+        print(f"lost: {printable(line)}")
+    return 0 if verdict.success and not lost else 1
 
 
-def _misfit(scan: Scan, scene: Scene, recording: Recording) -> str:
+def _misfit(replayed: ReplayedRecording) -> str:
     """A warning if strains or positions are outside the range of the scan; empty otherwise."""
-    if not len(recording):
-        return ""
-    bounds = ScanRange.of(scan, scene)
-    strains, positions = [], []
-    for sweep in recording.sweeps:
-        strains.append(bounds.strains_outside(sweep.strain, usable(sweep.status)))
-        if sweep.truth is None:
-            positions.append(bounds.positions_outside(sweep.position, sweep.position[:1].sum(axis=0)))
-        else:
-            outside = (sweep.truth < scene.lower) | (sweep.truth > scene.upper)
-            positions.append((outside & ~scene.wraps).any(axis=1))
-    fractions = [float(np.concatenate(parts).mean()) for parts in (strains, positions)]
-    return describe_misfit(*fractions)
+    outside = replayed.strains_outside, replayed.positions_outside
+    return describe_misfit(*(float(each.mean()) for each in outside)) if len(outside[0]) else ""
 
 
 def _print(document: dict[str, Any], scan: str) -> None:

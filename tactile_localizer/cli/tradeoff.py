@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from textwrap import fill
 
@@ -11,11 +12,13 @@ import yaml
 from tactile_localizer.cli.outputs import InputPath, output_path, require_writable, write_picture
 from tactile_localizer.cli.progress import progress_line
 from tactile_localizer.cli.recordings import (
+    add_parallel_arguments,
     add_recording_arguments,
     add_scan_arguments,
     add_seed_argument,
-    odometry_from_arguments,
-    scan_from_arguments,
+    readers_from_arguments,
+    require_parallel,
+    scene_from_arguments,
 )
 from tactile_localizer.cli.tables import print_table
 from tactile_localizer.errors import ParameterError
@@ -23,6 +26,8 @@ from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.whole_file import RESULT, write_text
 from tactile_localizer.offline.axes import MM
 from tactile_localizer.offline.json_file import write_json
+from tactile_localizer.offline.parallel import Lost
+from tactile_localizer.offline.recordings import load_pairs
 from tactile_localizer.offline.tradeoff import (
     Candidate,
     Trade,
@@ -61,32 +66,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MM",
         help="write the fastest configuration per millimetre of travel within this mean error, mm",
     )
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes; -1: one per core")
+    add_parallel_arguments(parser)
     parser.add_argument("-o", "--output", type=output_path, default=Path("tradeoff"), metavar="DIR")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, print the table, write numbers and picture; 1 where no candidate meets the request."""
+    """Measure, print the table, write numbers and picture; 1 where none meets the request or one is lost."""
     if args.target_mm is not None and not args.target_mm > 0:
         raise ParameterError(f"--target-mm: expected a positive number, got {args.target_mm:g}")
     names = ("tradeoff.png", "tradeoff.json", "configuration.yaml")
     picture, numbers, chosen = (args.output / name for name in names)
-    libraries = ["joblib"] * (args.jobs != 1)
+    require_parallel(args)
     for path in (picture, numbers, *[chosen] * (args.target_mm is not None)):
-        require_writable(path, args, *libraries)
-    scan, scene = scan_from_arguments(args)
-    recording, _ = odometry_from_arguments(args, scene, args.recordings)
+        require_writable(path, args)
+    scene = scene_from_arguments(args)
+    scan = load_pairs(args.scan)
+    reads = readers_from_arguments(args, scene)
     named = [Candidate(Path(name).stem, named_configuration(name)) for name in args.configurations or ()]
     with progress_line() as progress:
         calibration = learned_calibration(args.scan, scan, scene, progress)
+        is_here = args.jobs == 1 and args.cluster is None
         trades, failed = trade(
-            scan,
+            (lambda: scan) if is_here else partial(load_pairs, args.scan),
             scene,
-            recording,
+            reads,
             named or candidates(scene),
             calibration,
             seed=args.seed,
             jobs=args.jobs,
+            cluster=args.cluster,
             progress=progress,
         )
     if not trades:
@@ -103,7 +111,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"{picture}: left out, because it needs matplotlib, {error}")
     else:
         write_picture(picture, tradeoff_figure(trades))
-    return 0 if args.target_mm is None else _choose(trades, args.target_mm, chosen)
+    status = 0 if args.target_mm is None else _choose(trades, args.target_mm, chosen)
+    return 1 if any(isinstance(reason, Lost) for reason in failed.values()) else status
 
 
 def _choose(trades: Sequence[Trade], target_mm: float, path: Path) -> int:

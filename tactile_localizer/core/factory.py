@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from tactile_localizer.core.geometry.surroundings import surroundings
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.likelihood.material import Material
+from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.likelihood.user_defined import NamedModel
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.measurements import Measurements
@@ -71,31 +73,65 @@ def build_localizer(
     say("building the map", _LEARNED)
     learned = learned or learn_sweep_model(scan, scene, calibration.material, calibration.variance)
     position_model = _position_model(scan, scene, configuration, learned, calibration)
-    limits = ScanRange.of(scan, scene), still_travel(scan, scene)
-    localizer = _assembled(learned, scene, configuration, calibration, rng, limits, position_model)
+    prepared = _prepared(learned, scene, configuration, scan, still_travel(scan, scene))
+    localizer = assemble(prepared, configuration, calibration, rng, position_model)
     say("ready", 1.0)
     return localizer
 
 
-def _assembled(
-    learned: SweepModel,
-    scene: Scene,
+class Prepared(NamedTuple):
+    """What a localizer needs of a scan, so that it can be kept for the next start.
+
+    Parameters
+    ----------
+    scene : around the scan
+    cell : (d,) m (yaw: rad), size of the filter's cells
+    mixture : measurement model for these cells
+    bounds : range of the scan
+    still : (C,) m, travel over which its channels repeat their strain
+    """
+
+    scene: Scene
+    cell: np.ndarray
+    mixture: SweepMixture
+    bounds: ScanRange
+    still: np.ndarray
+
+
+def prepare(scan: Scan, scene: Scene, configuration: Configuration, calibration: Calibration) -> Prepared:
+    """What :func:`assemble` needs of a scan, with the arguments of :func:`build_localizer`."""
+    scene = surroundings(scene, scan.positions_on(scene))
+    learned = learn_sweep_model(scan, scene, calibration.material, calibration.variance)
+    return _prepared(learned, scene, configuration, scan, still_travel(scan, scene))
+
+
+def _prepared(
+    learned: SweepModel, scene: Scene, configuration: Configuration, scan: Scan, still: np.ndarray
+) -> Prepared:
+    cell = learned.cell(scene, configuration.cell)
+    return Prepared(scene, cell, learned.mixture(scene, cell), ScanRange.of(scan, scene), still)
+
+
+def assemble(
+    prepared: Prepared,
     configuration: Configuration,
     calibration: Calibration,
     rng: np.random.Generator,
-    limits: tuple[ScanRange, np.ndarray],
     position_model: tuple[MeasurementModel, float] | None = None,
 ) -> Localizer:
-    """A localizer with what was learned.
+    """A localizer, with the arguments of :func:`build_localizer`.
 
-    ``limits`` are the scan's range, and the travel over which its channels repeat their strain.
+    Parameters
+    ----------
+    prepared : made with the same ``configuration.cell``
+    configuration, calibration, rng : of the localizer
+    position_model : another model for the position, and its travel per independent measurement, m
     """
-    cell = learned.cell(scene, configuration.cell)
-    mixture = learned.mixture(scene, cell)
+    scene, mixture = prepared.scene, prepared.mixture
     model, position_length = position_model or (None, None)
     return Localizer(
         scene,
-        _build_filter(scene, configuration, cell, rng),
+        _build_filter(scene, configuration, prepared.cell, rng),
         mixture,
         model,
         Convergence(convergence_criteria(scene, configuration)),
@@ -103,7 +139,8 @@ def _assembled(
             scene,
             mixture.noise.white,
             mixture.noise.variance,
-            *limits,
+            prepared.bounds,
+            prepared.still,
             configuration.update_distance,
         ),
         calibration.examination.information_length,
@@ -123,8 +160,8 @@ def _calibrated(scan: Scan, scene: Scene, say: Progress) -> tuple[Calibration, S
 
     def build(part: SweepModel, within: Scene) -> Localizer:
         before = Calibration(prior, part.scan.material, part.variance)
-        limits = ScanRange.of(scan, within), still
-        return _assembled(part, within, _EXAMINED, before, np.random.default_rng(0), limits)
+        prepared = _prepared(part, within, _EXAMINED, scan, still)
+        return assemble(prepared, _EXAMINED, before, np.random.default_rng(0))
 
     say("examining the scan by held-out sweeps", begun)
     chosen, examination = examine(

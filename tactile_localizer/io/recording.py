@@ -6,10 +6,10 @@ Import, replay and evaluation work on a :class:`Recording` and do not depend on 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from tactile_localizer.streams.synchronization import (
     describe_gaps,
     interpolate_poses,
 )
+
+_Sweep = TypeVar("_Sweep", bound=Any)
 
 NO_CONTACT = (-1, -1)
 NO_SWEEP = -1
@@ -127,17 +129,22 @@ def join(recordings: Sequence[Recording]) -> Recording:
     ----------
     recordings : at least one, all with the same axes, phalanges and channels
     """
-    sweeps: dict[int, RecordedSweep] = {}
-    largest = 0
-    for sweep in (sweep for recording in recordings for sweep in recording.sweeps):
-        number = largest + 1 if sweep.number in sweeps else sweep.number
-        sweeps[number], largest = replace(sweep, number=number), max(largest, number)
     return Recording(
         source=", ".join(recording.source for recording in recordings),
-        sweeps=tuple(sweeps.values()),
+        sweeps=tuple(numbered_apart(sweep for recording in recordings for sweep in recording.sweeps)),
         notes=tuple(note for recording in recordings for note in recording.notes),
         lost=sum(recording.lost for recording in recordings),
     )
+
+
+def numbered_apart(sweeps: Iterable[_Sweep]) -> list[_Sweep]:
+    """Sweeps, recorded or replayed; one whose number is in use gets the next free number."""
+    found: dict[int, _Sweep] = {}
+    largest = 0
+    for sweep in sweeps:
+        number = largest + 1 if sweep.number in found else sweep.number
+        found[number], largest = replace(sweep, number=number), max(largest, number)
+    return list(found.values())
 
 
 def cut(

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import chdtri
 
 from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.material import Material
+from tactile_localizer.core.likelihood.noise_model import NoiseModel
+from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.io.recording import Recording
 from tactile_localizer.offline.replay import ReplayedSweep
@@ -48,6 +49,8 @@ def yaw_error(sweep: ReplayedSweep) -> np.ndarray:
 
 def covered(sweep: ReplayedSweep) -> np.ndarray:
     """Whether the 95 % region of each estimate holds the truth, (n,) 1 or 0; NaN where that is unknown."""
+    from scipy.special import chdtri
+
     values, vectors = np.linalg.eigh(sweep.covariance)
     along = np.einsum("ndk,nd->nk", vectors, deviation(sweep))
     squared = np.sum(along**2 / np.maximum(values, _MIN_VARIANCE), axis=1)
@@ -87,19 +90,51 @@ def with_contact(recording: Recording, model: SweepMixture) -> Recording:
     recording : recording with the axes and phalanges of the model
     model : measurement model of the localizer
     """
+    return with_contact_on(recording, contact_map(model))
+
+
+class ContactMap(NamedTuple):
+    """What a map predicts at its nodes, without what only a filter needs.
+
+    Parameters
+    ----------
+    lattice : the map, without its tables
+    noise : noise model
+    signal : (M, W) whitened strain, mean over the components
+    on_feature : (M,) bool
+    """
+
+    lattice: StrainMap
+    noise: NoiseModel
+    signal: np.ndarray
+    on_feature: np.ndarray
+
+
+def contact_map(model: SweepMixture) -> ContactMap | None:
+    """Where the map of a model has a feature; ``None`` on cloth, which has none."""
     if model.material is Material.CLOTH:
-        return recording
+        return None
     signal = np.einsum("mk,mkc->mc", np.exp(model.map.log_prior), model.map.mean)
     on_feature = np.max(model.noise.layout.mean(signal**2), axis=1) > 1.0
+    none = np.zeros(0)
+    lattice = model.map._replace(mean=none, variance=none, log_prior=none)
+    return ContactMap(lattice, model.noise, signal, on_feature)
+
+
+def with_contact_on(recording: Recording, contact: ContactMap | None) -> Recording:
+    """As :func:`with_contact`, on a map that was made before."""
+    if contact is None:
+        return recording
+    lattice, noise, signal, on_feature = contact
     sweeps = []
     for sweep in recording.sweeps:
         if sweep.felt is None and sweep.truth is not None and np.isfinite(sweep.truth).all():
-            node = model.map.nearest(sweep.truth)
+            node = lattice.nearest(sweep.truth)
             felt = on_feature[node]
             complete = np.isfinite(sweep.strain).all(axis=1)
             on, off = felt & complete, ~felt & complete
             if on.any() and off.any():
-                strain, predicted = model.noise.whitened(sweep.strain), signal[node[on]]
+                strain, predicted = noise.whitened(sweep.strain), signal[node[on]]
                 strain = strain[on] - np.median(strain[off], axis=0)
                 felt &= np.sum(strain * predicted) > _LEAST_FELT * np.sum(predicted**2)
             sweep = replace(sweep, felt=felt)

@@ -1,6 +1,6 @@
 """JSON document of a replay: summary, settings, what was learned, and every update."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
@@ -13,10 +13,11 @@ from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io.recording import Recording
+from tactile_localizer.io.recording import RecordedSweep
 from tactile_localizer.io.scene_file import scene_to_dict
 from tactile_localizer.offline.axes import MM, describe_sizes
 from tactile_localizer.offline.metrics import position_error, summarize, timing, yaw_error
+from tactile_localizer.offline.recordings import Read, ReplayedRecording
 from tactile_localizer.offline.replay import ReplayedSweep
 from tactile_localizer.offline.verdict import Verdict, judge
 from tactile_localizer.scene import Scene
@@ -29,25 +30,33 @@ class Evaluation:
     Parameters
     ----------
     scan_name : path of the scan
-    scan, scene : pairs of the map and their scene
+    load, scene : gives the pairs of the map, and their scene
     configuration, calibration : of the localizer
     localizer : it can localize a sweep again
-    recording : replayed recording
-    odometry : kind of its positions
+    replayed : the recordings and the estimates
     seed : random seed
-    sweeps : the estimates
+    reads : they read the recordings again
     """
 
     scan_name: str
-    scan: Scan
+    load: Callable[[], Scan]
     scene: Scene
     configuration: Configuration
     calibration: Calibration
     localizer: Localizer
-    recording: Recording
-    odometry: str
+    replayed: ReplayedRecording
     seed: int
-    sweeps: Sequence[ReplayedSweep]
+    reads: Sequence[Read]
+
+    @property
+    def sweeps(self) -> list[ReplayedSweep]:
+        """The estimates."""
+        return self.replayed.sweeps
+
+    def recorded(self, sweep: int) -> RecordedSweep:
+        """The recorded samples of one of the sweeps, read again."""
+        recording, place = self.replayed.origin[sweep]
+        return self.reads[recording]()[0].sweeps[place]
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -77,7 +86,7 @@ def replay_document(evaluation: Evaluation) -> dict[str, Any]:
     verdict = evaluation.verdict
     summary = {
         "scene": evaluation.scene.name,
-        "odometry": evaluation.odometry,
+        "odometry": evaluation.replayed.odometry,
         "seed": evaluation.seed,
         **summarize(evaluation.sweeps),
     }
@@ -85,7 +94,7 @@ def replay_document(evaluation: Evaluation) -> dict[str, Any]:
         "summary": summary,
         "verdict": {"success": verdict.success, **asdict(verdict)},
         "timing": timing(evaluation.sweeps),
-        "recording": {"source": evaluation.recording.source, "notes": evaluation.recording.notes},
+        "recording": {"source": evaluation.replayed.source, "notes": evaluation.replayed.notes},
         "configuration": evaluation.configuration,
         "learned": learned_values(evaluation.scene, evaluation.localizer.model, evaluation.calibration),
         "scene": scene_to_dict(evaluation.scene),

@@ -1,14 +1,14 @@
 """Accuracy against computing time of several configurations on the same sweeps.
 
-Each candidate replays the recording, in one or several processes. Times are processor times of one thread, so
-that candidates may run beside each other.
+Each candidate replays each recording, in one or several processes. Times are processor times of one thread,
+so that candidates may run beside each other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,12 +17,13 @@ from scipy.special import stdtrit
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, TactileLocalizerError, located
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
-from tactile_localizer.io.recording import Recording
-from tactile_localizer.offline.metrics import covered, position_error, timing, with_contact
-from tactile_localizer.offline.replay import Progress, replay
+from tactile_localizer.offline.metrics import ContactMap, contact_map, covered, position_error, timing
+from tactile_localizer.offline.parallel import Progress, in_parallel
+from tactile_localizer.offline.recordings import Read, ReplayedRecording, joined, replay_recording
 from tactile_localizer.offline.verdict import Verdict, judge
 from tactile_localizer.scene import Scene
 
@@ -118,26 +119,29 @@ def named_configuration(name: str) -> Configuration:
 
 
 def trade(
-    scan: Scan,
+    load: Callable[[], Scan],
     scene: Scene,
-    recording: Recording,
+    reads: Sequence[Read],
     measured: Sequence[Candidate],
     calibration: Calibration,
     *,
     seed: int = 0,
     jobs: int = 1,
+    cluster: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[list[Trade], dict[str, str]]:
-    """Replay a recording with every candidate.
+    """Replay recordings with every candidate.
 
     Parameters
     ----------
-    scan, scene : training pairs and scene of the map
-    recording : sweeps with known truth, whose positions are odometry
+    load : gives the training pairs, in any process
+    scene : scene of the map
+    reads : give recordings with known truth, in any process
     measured : configurations to compare
     calibration : calibration of the scan
     seed : seed of the particle filters
     jobs : processes on this machine; -1: one per core
+    cluster : address of a Dask scheduler whose workers are used instead
     progress : called with a description of the work and the completed fraction
 
     Returns
@@ -145,47 +149,66 @@ def trade(
     list of Trade
         Of the candidates that could be measured, in their order.
     dict
-        Why the others could not, by name.
+        Why the others could not, by name: a :class:`.Lost` where it was the machine.
 
     Raises
     ------
     ParameterError
-        A recording without truth, or an invalid number of jobs.
+        A recording without truth, an invalid number of jobs, or no scheduler.
     """
-    if any(sweep.truth is None for sweep in recording.sweeps):
-        raise ParameterError(f"{recording.source}: expected true positions, found none")
-    if jobs < 1 and jobs != -1:
-        raise ParameterError(f"jobs: expected at least 1, or -1 for one per core, got {jobs}")
-    rng = np.random.default_rng(seed)
+    scan, rng = load(), np.random.default_rng(seed)
     exact = build_localizer(scan, scene, Configuration(), rng, calibration=calibration)
-    marked = with_contact(recording, exact.model)
-    measure = partial(_measure, scan, scene, marked, calibration, seed)
+    contact, bounds = contact_map(exact.model), ScanRange.of(scan, scene)
+    del scan, exact
+    calls = [
+        (load, scene, read, contact, bounds, calibration, seed, candidate)
+        for read in reads
+        for candidate in measured
+    ]
+    found = dict(in_parallel(_replayed, calls, jobs=jobs, cluster=cluster, progress=progress))
     trades: list[Trade] = []
     failed: dict[str, str] = {}
-    outcomes = _in_processes(jobs, measure, measured)
-    for number, (one, outcome) in enumerate(zip(measured, outcomes, strict=True), 1):
+    for number, candidate in enumerate(measured):
+        parts = [found[call] for call in range(number, len(calls), len(measured))]
+        reasons = [part for part in parts if isinstance(part, str)]
+        outcome = next(iter(reasons), "") or _traded(candidate, joined(parts))
         if isinstance(outcome, Trade):
             trades.append(outcome)
         else:
-            failed[one.name] = outcome
-        if progress is not None:
-            progress("replaying", number / len(measured))
+            failed[candidate.name] = outcome
     return trades, failed
 
 
-def _measure(
-    scan: Scan, scene: Scene, recording: Recording, calibration: Calibration, seed: int, candidate: Candidate
-) -> Trade | str:
-    """Accuracy and cost of a candidate, or why it cannot be measured."""
+def _replayed(
+    load: Callable[[], Scan],
+    scene: Scene,
+    read: Read,
+    contact: ContactMap | None,
+    bounds: ScanRange,
+    calibration: Calibration,
+    seed: int,
+    candidate: Candidate,
+    progress: Progress | None,
+) -> ReplayedRecording | str:
+    """A recording replayed with a candidate, or why that is impossible."""
+    read = cache(read)
+    recording, _ = read()
+    if any(sweep.truth is None for sweep in recording.sweeps):
+        raise ParameterError(f"{recording.source}: expected true positions, found none")
     configuration, rng = candidate.configuration, np.random.default_rng(seed)
     try:
-        localizer = build_localizer(scan, scene, configuration, rng, calibration=calibration)
-        sweeps = replay(localizer, recording)
+        localizer = build_localizer(load(), scene, configuration, rng, calibration=calibration)
+        return replay_recording(read, lambda: localizer, contact, bounds, progress)
     except Exception as error:  # of any kind, also of a user's model: the other candidates keep their rows
         return str(error) if isinstance(error, TactileLocalizerError) else located(error)
+
+
+def _traded(candidate: Candidate, replayed: ReplayedRecording) -> Trade | str:
+    """Accuracy and cost of a candidate, or why they are unknown."""
+    sweeps = replayed.sweeps
     times = timing(sweeps)
     if times["us_per_mm"] is None:
-        return f"{recording.source}: expected sweeps with measurement updates, found none"
+        return f"{replayed.source}: expected sweeps with measurement updates, found none"
     has_contact = any(sweep.reaches_contact for sweep in sweeps)
     kept = [np.flatnonzero(sweep.on_contact | (not has_contact)) for sweep in sweeps]
     errors, inside = (
@@ -215,16 +238,3 @@ def for_target(trades: Sequence[Trade], target_m: float) -> Trade | None:
     """The fastest, among those with fewest wrong sweeps, of the trades within ``target_m`` of mean error."""
     accurate = (one for one in trades if one.error <= target_m)
     return min(accurate, key=lambda one: (one.verdict.wrong, one.us_per_mm, one.error), default=None)
-
-
-def _in_processes(
-    jobs: int, measure: Callable[[Candidate], Trade | str], measured: Sequence[Candidate]
-) -> Iterator[Trade | str]:
-    """Outcomes in the order of the candidates, from this process or from several."""
-    if jobs == 1:
-        return map(measure, measured)
-    import joblib
-
-    with joblib.parallel_config("loky", inner_max_num_threads=1):
-        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator", batch_size=1)
-        return parallel(map(joblib.delayed(measure), measured))

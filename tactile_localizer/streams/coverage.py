@@ -1,7 +1,6 @@
 """Coverage of the scene's bounds by a scan."""
 
 import numpy as np
-from scipy import ndimage
 
 from tactile_localizer.scene import Scene
 
@@ -49,6 +48,8 @@ class Coverage:
     @property
     def fraction(self) -> float:
         """Covered fraction, 0 to 1."""
+        from scipy import ndimage
+
         if self._fraction is None:
             distance = ndimage.distance_transform_edt(~self._visited, sampling=self._sampling)
             self._fraction = float(np.mean(distance < 1.0))

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tactile_localizer.errors import MeasurementError, ParameterError
 from tactile_localizer.quantity import LARGEST_NUMBER
@@ -44,7 +43,11 @@ class PalmFrame:
         self._names = tuple(axis.name for axis in axes)
         self._from = {material_frame: (np.eye(3).tolist(), [0.0] * 3)}
         if reference_frame and reference_frame != material_frame:
-            rotation = Rotation.from_euler("xyz", material_pose[3:]).as_matrix().T
+            rotation = np.eye(3)
+            if any(material_pose[3:]):
+                from scipy.spatial.transform import Rotation  # takes a while, and many materials lie flat
+
+                rotation = Rotation.from_euler("xyz", material_pose[3:]).as_matrix().T
             offset = -rotation @ np.asarray(material_pose[:3])
             self._from[reference_frame] = (rotation.tolist(), offset.tolist())
 

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tactile_localizer.quantity import LARGEST_NUMBER
 from tactile_localizer.streams.runs import NANOSECONDS
@@ -103,6 +102,8 @@ def _in_common(frames: Sequence[str], known: Mapping[str, _Poses], stamp_ns: np.
 
     At stamps (n,), ns, interpolated linearly and along the shortest arc; NaN where a frame is not known.
     """
+    from scipy.spatial.transform import Rotation
+
     pose = np.tile(np.eye(4), (len(stamp_ns), 1, 1))
     for frame in frames:
         known_ns = np.array(sorted(known[frame]))

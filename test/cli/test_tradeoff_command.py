@@ -1,11 +1,14 @@
 """The command ``tradeoff``."""
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.cluster import cluster_of
 from support.sweeps import CALIBRATION
 
 from tactile_localizer.cli import main
@@ -52,3 +55,46 @@ def test_configurations_are_compared_on_an_own_scan_without_a_region(
     monkeypatch.setattr(learned, "learn", None)  # the calibration is stored
     assert main(f"{COMMAND} --target-mm 1e-9".split()) == 1
     assert "none; nearest is" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_two_workers_of_which_one_is_killed_find_what_one_process_finds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(learned, "learn", lambda *_: CALIBRATION)
+    assert main(["simulate", "bump", "--test", "3", "-o", "."]) == 0
+    assert main(["import", "csv", "train.csv", "--scene", "bump.yaml", "-o", "bump_scan"]) == 0
+    header, *rows = Path("test.csv").read_text().splitlines(keepends=True)
+    for sweep in range(3):
+        own = [row for row in rows if row.split(",")[1] == str(sweep)]
+        Path(f"test_{sweep}.csv").write_text(header + "".join(own))
+    Path("own.yaml").write_text("cell: 1.0\nupdate_distance: 0.003\n")
+    Path("particles.yaml").write_text("filter: particle\nparticles: 75\nupdate_distance: 0.003\n")
+    command = (
+        "tradeoff test_0.csv test_1.csv test_2.csv --scan bump_scan --configurations own.yaml particles.yaml"
+    )
+    assert main([*command.split(), "-o", "here"]) == 0
+    steps: list[float] = []
+    with cluster_of(2, tmp_path) as cluster:
+
+        @contextmanager
+        def progress() -> Iterator[Callable[[str, float], None]]:
+            def show(what: str, done: float) -> None:
+                if what == "replaying":
+                    steps.append(done)
+                    cluster.kill_a_worker()
+
+            yield show
+
+        monkeypatch.setattr("tactile_localizer.cli.tradeoff.progress_line", progress)
+        assert main([*command.split(), "-o", "there", "--cluster", cluster.address]) == 0
+    assert steps == [number / 6 for number in range(1, 7)]
+    here, there = (json.loads(Path(name, "tradeoff.json").read_text()) for name in ("here", "there"))
+    assert not there["not_measured"]
+    assert len(here["candidates"]) == 2
+    for one, other in zip(here["candidates"], there["candidates"], strict=True):
+        assert one["candidate"] == other["candidate"]
+        assert len(one["errors"]) == 3
+        for name in ("errors", "coverage", "verdict", "difference"):
+            assert one[name] == other[name]

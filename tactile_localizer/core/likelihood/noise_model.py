@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.phalanges import phalanges_on_feature
@@ -311,4 +310,6 @@ def _points(length: float, tracks: Tracks) -> int:
 
 def _smoothed(values: np.ndarray, slices: list[slice], width: int) -> np.ndarray:
     """Moving averages of values (n, C) over points along each track, as if those at its ends continued."""
+    from scipy.ndimage import uniform_filter1d
+
     return np.concatenate([uniform_filter1d(values[own], width, axis=0, mode="nearest") for own in slices])

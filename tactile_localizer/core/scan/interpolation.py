@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.scan.tracks import PITCH, Tracks, evenly, halves
@@ -76,6 +75,8 @@ class Interpolation(NamedTuple):
 
     def expected(self, strain: np.ndarray) -> Expectation:
         """Expected strains, where the tracks' points have ``strain`` (n, C)."""
+        from scipy.sparse import csr_array
+
         count, shape = self.points.shape[-1], (*self.points.shape[:2], strain.shape[1])
         starts = np.arange(0, self.points.size + 1, count)
 

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_dilation, binary_erosion
 
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.geometry.phalanges import phalanx_positions
@@ -71,6 +70,8 @@ def make_map(scan: Scan, scene: Scene) -> TactileMap:
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
+    from scipy.ndimage import binary_dilation, binary_erosion
+
     shown, tracks = min(scene.dimension, 2), Tracks.of(scan, scene)
     scale, spacing = levers(scene)[:shown], line_spacing(tracks)
     extent = scene.extent[:shown] * scale

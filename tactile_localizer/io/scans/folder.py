@@ -6,6 +6,7 @@
       scene.yaml             scene as scanned
       sweep_0001.npy     a sweep, complete or in progress
       calibration.json   learned from the sweeps
+      calibration.npz    what a filter needs of them
       history.jsonl      one line per import and recording
       dropped/           sweeps moved here are not used
 """

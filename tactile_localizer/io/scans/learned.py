@@ -1,8 +1,9 @@
-"""Calibration of a scan, kept in its folder for the next start.
+"""Calibration of a scan and what a filter needs of it, kept in its folder for the next start.
 
-It is used only for exactly the pairs and the scene that it was learned from, whatever the scene's name. That
-for the scan's own scene is in ``calibration.json``, and each other scene has a file beside it. A failure to
-store it costs only the time to learn it again.
+They are used only for exactly the pairs and the scene that they were learned from, whatever the scene's name.
+The calibration for the scan's own scene is in ``calibration.json``, what the filter needs in
+``calibration.npz``, and each other scene has files beside them. A failure to store them costs only the time
+to learn them again.
 """
 
 import contextlib
@@ -11,20 +12,26 @@ import json
 import logging
 import zlib
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import Examination, Outcome
-from tactile_localizer.core.factory import learn
+from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
+from tactile_localizer.core.factory import assemble, build_localizer, learn, prepare
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
+from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.digest import digest_of
+from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ScanError, SceneError
-from tactile_localizer.io.recording import SCENE_OF_SCAN
+from tactile_localizer.errors import ScanError, SceneError, refusing
+from tactile_localizer.io.recording import SCENE_OF_SCAN, scan_of
+from tactile_localizer.io.scans.folder import ScanFolder
+from tactile_localizer.io.scans.kept import key_of, load, store
 from tactile_localizer.io.scene_file import load_scene, scene_to_dict
 from tactile_localizer.io.whole_file import RESULT, open_file, write_text
 from tactile_localizer.scene import Scene
@@ -63,6 +70,75 @@ def learned_calibration(
     calibration = learn(scan, scene, progress)
     store_calibration(kept, digest, calibration)
     return calibration
+
+
+class Ready(NamedTuple):
+    """A localizer on a scan, its calibration, and the range of the scan."""
+
+    localizer: Localizer
+    calibration: Calibration
+    bounds: ScanRange
+
+
+def ready_localizer(
+    path: str | Path,
+    scene: Scene,
+    configuration: Configuration,
+    rng: np.random.Generator,
+    progress: Callable[[str, float], None] | None = None,
+) -> Ready:
+    """A localizer on the scan in a folder, whose pairs are read only if they were not learned from before.
+
+    Parameters
+    ----------
+    path : folder of the scan
+    scene : its scene, or one with fewer axes and phalanges
+    configuration, rng : of the localizer
+    progress : called with a description of the step and its completed fraction
+
+    Raises
+    ------
+    ScanError, SceneError, ParameterError
+        As :meth:`.ScanFolder.load`, :func:`learned_calibration` and :func:`~.factory.build_localizer`.
+    """
+    folder, kept = ScanFolder(path), _file(Path(path), scene)
+    is_kept, file = configuration.model == SWEEP_MIXTURE, kept.with_suffix(".npz")
+    content = _content_key(folder) if is_kept else ""
+    found = load(file, _key(content, kept, scene, configuration)) if is_kept else None
+    if found is None:
+        recording = folder.recording()
+        scan = scan_of(recording, folder.scene)
+        calibration = learned_calibration(path, scan, scene, progress)
+        if not is_kept:
+            localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
+            return Ready(localizer, calibration, ScanRange.of(scan, localizer.scene))
+        found = calibration, prepare(scan, scene, configuration, calibration), recording.notes
+        if content == _content_key(folder):  # it may be recorded at this moment
+            try:
+                store(file, _key(content, kept, scene, configuration), found)
+            except (ScanError, TypeError) as error:
+                _log.warning("%s; the next start learns again", error)
+    calibration, prepared, notes = found
+    for note in notes:
+        _log.warning("%s", note)
+    return Ready(assemble(prepared, configuration, calibration, rng), calibration, prepared.bounds)
+
+
+def _content_key(folder: ScanFolder) -> str:
+    """Key of the scene and the bytes of all sweeps."""
+    files, own = folder.files()[0].values(), json.dumps(scene_to_dict(folder.scene)).encode()
+    with refusing(f"{folder.path}: could not be read", ScanError, OSError):
+        sweeps = (part for file in files for part in (file.name.encode(), file.read_bytes()))
+        return key_of(chain([own], sweeps))
+
+
+def _key(content: str, kept: Path, scene: Scene, configuration: Configuration) -> str:
+    """Key of what is learned from a content for a scene and the cells of a configuration."""
+    calibration = b""
+    with contextlib.suppress(OSError), open_file(kept) as file:
+        calibration = file.read(_MOST_BYTES)
+    own = json.dumps(scene_to_dict(dataclasses.replace(scene, name="")))
+    return key_of([content.encode(), calibration, own.encode(), repr(configuration.cell).encode()])
 
 
 def _file(folder: Path, scene: Scene) -> Path:

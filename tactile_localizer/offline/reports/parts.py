@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import listed
-from tactile_localizer.io.recording import Recording
 from tactile_localizer.offline.examination import describe_examination
 from tactile_localizer.offline.figures.examination import held_out_figure, score_figure
 from tactile_localizer.offline.figures.tactile_map import MapFigures
@@ -42,10 +41,9 @@ def examination_sections(examination: Examination, scene: Scene, found: Sequence
     return [Section("The examination of the scan", [f"{sentence(line)}." for line in lines], figures)]
 
 
-def map_section(scan: Scan, scene: Scene, recording: Recording) -> Section:
+def map_section(scan: Scan, scene: Scene, strain_unit: str) -> Section:
     """What the scan holds: the strain above featureless of each phalanx, and folded each channel."""
-    unit = recording.sweeps[0].strain_unit if recording.sweeps else "V"
-    figures = MapFigures(scan, scene, unit)
+    figures = MapFigures(scan, scene, strain_unit)
     signals = figures.signals(WIDTH_IN)
     channels = figures.channels(_MAP_COLUMNS, WIDTH_IN / _MAP_COLUMNS, _CHANNELS)
     each = [(figure, f"{name.removeprefix('map_')}, by channel") for name, figure in channels.items()]

@@ -58,14 +58,14 @@ def replay_report(evaluation: Evaluation, document: Mapping[str, Any], notes: Se
         *examination_sections(
             examination, evaluation.scene, examination_findings(evaluation.scene, examination)
         ),
-        map_section(evaluation.scan, evaluation.scene, evaluation.recording),
+        map_section(evaluation.load(), evaluation.scene, evaluation.replayed.strain_unit),
         *_sweeps(evaluation.sweeps),
         *_worst_sweep(evaluation),
         _settings(evaluation, document),
     ]
     return html_page(
         kind="Replay of a recording",
-        title=f"{file_names(evaluation.recording.source)} on {file_names(evaluation.scan_name)}",
+        title=f"{file_names(evaluation.replayed.source)} on {file_names(evaluation.scan_name)}",
         good=verdict.success,
         verdict=sentence(str(verdict)),
         explained=explained,
@@ -136,7 +136,7 @@ def _worst_sweep(evaluation: Evaluation) -> list[Section]:
         return []
     sweep = evaluation.sweeps[worst]
     moments = _moments(sweep)
-    beliefs = _beliefs(evaluation.localizer, evaluation.recording.sweeps[worst], sweep.row[moments].tolist())
+    beliefs = _beliefs(evaluation.localizer, evaluation.recorded(worst), sweep.row[moments].tolist())
     what = f"sweep {sweep.number} did not converge, and did not have to"
     if sweep.converged.any():
         what = f"sweep {sweep.number} converged after the longest travel"
@@ -196,10 +196,10 @@ def _settings(evaluation: Evaluation, document: Mapping[str, Any]) -> Section:
     rows = [
         ("", row)
         for row in (
-            ("recording", evaluation.recording.source),
+            ("recording", evaluation.replayed.source),
             ("scan", evaluation.scan_name),
             ("samples", f"{summary['strains']:,} in {counted(summary['sweeps'], 'sweep')}"),
-            ("odometry", evaluation.odometry),
+            ("odometry", evaluation.replayed.odometry),
             ("seed", str(evaluation.seed)),
             *document["learned"].items(),
         )

@@ -55,7 +55,7 @@ def scan_report(
         ],
         sections=[
             *examination_sections(examination, scene, ()),
-            map_section(scan, scene, recording),
+            map_section(scan, scene, recording.sweeps[0].strain_unit if recording.sweeps else "V"),
             Section(
                 "Scan and versions",
                 code="\n".join(totals),

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from rclpy.lifecycle import LifecycleNodeMixin
-from scipy.spatial.transform import Rotation
 
 from tactile_localizer.core.localizer import Estimate
 from tactile_localizer.errors import ParameterError
@@ -84,6 +83,8 @@ def material_in_reference(
     palm, mean : (d,) positions, m (yaw: rad)
     material_pose : x, y, z (m), roll, pitch, yaw (rad) of N in the reference frame
     """
+    from scipy.spatial.transform import Rotation
+
     at_palm, at_mean = (dict(zip(axes, values.tolist(), strict=True)) for values in (palm, mean))
     rotation = Rotation.from_euler("z", at_palm.get("yaw", 0.0) - at_mean.get("yaw", 0.0))
     points = [np.array([point.get("x", 0.0), point.get("y", 0.0), 0.0]) for point in (at_palm, at_mean)]

@@ -16,9 +16,10 @@ from support.learned import unexamined
 from tactile_localizer import Configuration, Recording, __version__, load_scan, make_localizer
 from tactile_localizer.cli import main
 from tactile_localizer.core.calibration.calibration import Calibration
+from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.io.scene_file import save_scene
-from tactile_localizer.offline.replay import replay
+from tactile_localizer.offline.recordings import replay_recording
 from tactile_localizer.offline.replay_document import Evaluation, replay_document
 from tactile_localizer.offline.reports.replay import replay_report
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -173,8 +174,10 @@ def test_without_a_truth_the_report_says_that_a_claim_may_be_wrong(folder: Path,
     scan, scene = load_scan(folder / "bump_scan")
     localizer = make_localizer(scan, scene, scan_file=folder / "bump_scan")
     recording = Recording("a_bag", tuple(replace(sweep, truth=None) for sweep in sweeps))
-    made = Configuration(), Calibration(np.zeros(2)), localizer, recording, "recorded", 1
-    evaluation = Evaluation("bump_scan", scan, scene, *made, replay(localizer, recording))
+    read = lambda: (recording, "recorded")  # noqa: E731
+    replayed = replay_recording(read, lambda: localizer, None, ScanRange.of(scan, scene), None)
+    made = Configuration(), Calibration(np.zeros(2)), localizer, replayed, 1, [read]
+    evaluation = Evaluation("bump_scan", lambda: scan, scene, *made)
     first, again = (replay_report(evaluation, replay_document(evaluation), ["a <note>"]) for _ in range(2))
     when = r"on \d{4}-.* UTC"
     assert re.sub(when, "", first) == re.sub(when, "", again), "the same replay gives the same report"
