@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
     }
     if args.kind == "bag":
         assert scene is not None
-        read = partial(_bags, args, scene)
+        read = partial(_bags, args, scene, detail)
         recording = read(_detector(args, scene))
     else:
         naming = naming_from_arguments(args)
@@ -161,14 +161,19 @@ def _delay(args: argparse.Namespace, scene: Scene, recording: Recording) -> tupl
     return delay.seconds, f"{delay}: corrected ({advice})"
 
 
-def _bags(args: argparse.Namespace, scene: Scene, detector: SweepDetector | None) -> Recording:
-    """The recording of bags."""
+def _bags(
+    args: argparse.Namespace, scene: Scene, detail: dict[str, Any], detector: SweepDetector | None
+) -> Recording:
+    """The recording of bags; notes in ``detail`` how an adapter's messages name their values."""
     # Imported here because rosbags takes 0.3 s, which CSV files do not need.
     from tactile_localizer.io.bags.recording import read_bag
 
     with progress_line() as progress:
         options = {**bag_options(args, scene), "detector": detector, "progress": progress}
-        return join([read_bag(file, scene, **options) for file in args.files])
+        recording = join([read_bag(file, scene, **options) for file in args.files])
+    if options["adapter"] is not None:
+        detail["names"] = options["adapter"].names
+    return recording
 
 
 def _tables(

@@ -24,6 +24,7 @@ from tactile_localizer.io.strain_adapter import load_adapter
 from tactile_localizer.library import read_recording
 from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED, with_odometry
 from tactile_localizer.offline.recordings import Read
+from tactile_localizer.offline.scan_quality import mixed_sources
 from tactile_localizer.quantity import number
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
@@ -206,14 +207,22 @@ def _read_recording(args: argparse.Namespace, scene: Scene, number: int) -> tupl
     """A recording by its place, and whether its positions are true where it has no other truth."""
     path = args.recordings[number]
     if is_bag(Path(path)):
-        return _undelayed(args, scene, read_recording(path, scene, **bag_options(args, scene))), False
+        options = bag_options(args, scene)
+        if options["adapter"] is not None:
+            options["adapter"] = options["adapter"].expect(_imported(args.scan, "import bag", "names"))
+        return _noted(_undelayed(args, scene, read_recording(path, scene, **options))), False
     if is_scan(Path(path)):
         return read_recording(path, scene), True
     before = sum(not is_scan(Path(other)) for other in args.recordings[:number])
     poses = args.poses[before : before + 1] if len(args.poses) > 1 else args.poses
     naming = naming_from_arguments(args, imported_columns(args.scan))
     table = read_csv(path, scene, naming, poses=poses, max_gap_s=args.max_gap)
-    return _undelayed(args, scene, table), True
+    return _noted(_undelayed(args, scene, table)), True
+
+
+def _noted(recording: Recording) -> Recording:
+    """A recording with a note where the strain of two sources seems to be mixed."""
+    return replace(recording, notes=(*recording.notes, *mixed_sources(recording.sweeps)))
 
 
 def _undelayed(args: argparse.Namespace, scene: Scene, recording: Recording) -> Recording:
@@ -229,7 +238,12 @@ def _undelayed(args: argparse.Namespace, scene: Scene, recording: Recording) -> 
 
 def imported_columns(scan: str) -> Mapping[str, Any]:
     """Column naming that a scan was imported with, in its YAML form; empty if it was not."""
-    found = [entry.get("columns") for entry in ScanFolder(scan).history() if entry["what"] == "import csv"]
+    return _imported(scan, "import csv", "columns")
+
+
+def _imported(scan: str, what: str, detail: str) -> Mapping[str, Any]:
+    """A detail of the last import of a kind into a scan; empty without one."""
+    found = [entry.get(detail) for entry in ScanFolder(scan).history() if entry["what"] == what]
     return found[-1] if found and isinstance(found[-1], Mapping) else {}
 
 

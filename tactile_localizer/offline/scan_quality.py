@@ -42,8 +42,7 @@ def findings(scan: Scan, scene: Scene, sweeps: Sequence[RecordedSweep]) -> list[
         number, motion = implausible[0]
         others = f", and {len(implausible) - 1} of {len(sweeps) - 1} others are implausible"
         found.append(f"{motion} (sweep {number}{others * (len(implausible) > 1)})")
-    if mixed := [str(each.number) for each in sweeps if alternates(each.strain)]:
-        found.append(f"strain that alternates from sample to sample, of two sources: sweep {listed(mixed)}")
+    found += mixed_sources(sweeps)
     if len(scan.sweep_numbers) == 1:
         found.append("only one sweep: the noise between sweeps cannot be estimated")
     coverage = Coverage(scene)
@@ -57,3 +56,10 @@ def findings(scan: Scan, scene: Scene, sweeps: Sequence[RecordedSweep]) -> list[
         names = listed(f"{scan.phalanges[phalanx]} {channel}" for phalanx, channel in places)
         found.append(f"channels that seem dead, of nearly constant strain: {names}")
     return found
+
+
+def mixed_sources(sweeps: Sequence[RecordedSweep]) -> list[str]:
+    """A line about sweeps in which the strain of two sources seems to be mixed."""
+    mixed = [str(each.number) for each in sweeps if alternates(each.strain)]
+    text = f"strain that alternates from sample to sample, of two sources: sweep {listed(mixed)}"
+    return [text] if mixed else []

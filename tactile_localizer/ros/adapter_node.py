@@ -22,7 +22,8 @@ from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
 from tactile_localizer.ros.base.qos import STRAIN
 from tactile_localizer.ros.conversions import fill
-from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments
+from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Increments, publisher_names
+from tactile_localizer.streams.runs import NANOSECONDS
 
 PARAMETERS = (
     Parameter(
@@ -36,6 +37,8 @@ PARAMETERS = (
 
 
 _WARNING_PERIOD_S = 5.0
+_FAR_S = 1.0
+"""Difference between stamps and times of receipt from which they are of different clocks, s (judgement)."""
 
 
 class AdapterNode(ManagedNode):
@@ -82,17 +85,28 @@ class AdapterNode(ManagedNode):
         self._publisher.publish(self._message)
 
     def _statuses(self) -> list[DiagnosticStatus]:
-        """Rate of each topic, and the last message that could not be used, since the previous status."""
+        """Rate of each topic, and what was wrong with its messages since the previous status."""
         new = self._increments.since({topic: self._received[topic] for topic in self._types})
-        silent = [f"no messages on {topic}" for topic, count in new.items() if not count]
-        problems = [*silent, *self._invalid.values()]
+        errors = [f"no messages on {topic}" for topic, count in new.items() if not count]
+        errors += filter(None, map(self._mixed, self._types))
+        problems = [*errors, *self._invalid.values(), *self._adapter.findings()]
         level = DiagnosticStatus.WARN if problems else DiagnosticStatus.OK
-        level = DiagnosticStatus.ERROR if silent else level
+        level = DiagnosticStatus.ERROR if errors else level
         elapsed_s = self._increments.elapsed_s
         values = {f"rate_hz_{topic}": f"{count / elapsed_s:.1f}" for topic, count in new.items()}
         values["strain_vectors"] = str(self._sequence)
+        ahead_s = {topic: ahead_ns / NANOSECONDS for topic, ahead_ns in self._adapter.ahead_ns.items()}
+        values |= {f"stamps_ahead_s_{topic}": f"{each:.3f}" for topic, each in ahead_s.items()}
+        if far := [topic for topic, each in ahead_s.items() if abs(each) > _FAR_S]:
+            advice = "stamp: receipt in the adapter takes the time of receipt"
+            self.get_logger().warning(f"{', '.join(far)}: stamps of another clock; {advice}", once=True)
         self._invalid.clear()
         return [self._health.status("sensor", level, "; ".join(problems) or "OK", values)]
+
+    def _mixed(self, topic: str) -> str:
+        """More sources of a topic than the adapter can tell apart, in one line; empty if there are not."""
+        publishers = self.get_publishers_info_by_topic(self.resolve_topic_name(topic))
+        return self._adapter.mixed(topic, publisher_names(publishers))
 
 
 def message_type(source: StrainSource) -> Any:
@@ -108,18 +122,25 @@ def message_type(source: StrainSource) -> Any:
         kind = getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError, TypeError):
         raise ParameterError(f"type {source.kind}: expected an installed message type, found none") from None
+    for field in source.field.names:
+        _require_field(kind, field, source.kind)
+    return kind
+
+
+def _require_field(kind: Any, path: str, name: str) -> None:
+    """Require that the messages of a class, whose type has a ``name``, have a field."""
     inner: Any = kind
     try:
-        for field in filterfalse(str.isdecimal, source.field.split(".")):
+        for field in filterfalse(str.isdecimal, path.split(".")):
+            if hasattr(inner, "point_step"):
+                return  # each message says what fields the points of the cloud have
             slot: Any = dict(zip(inner.get_fields_and_field_types(), inner.SLOT_TYPES, strict=True))[field]
             slot = getattr(slot, "value_type", slot)  # of an array
             if hasattr(slot, "namespaces"):  # a message
                 slot = getattr(importlib.import_module(".".join(slot.namespaces)), slot.name)
             inner = slot
     except (AttributeError, KeyError):
-        text = f"expected a field of {source.kind}, found none"
-        raise ParameterError(f"field {source.field}: {text}") from None
-    return kind
+        raise ParameterError(f"field {path}: expected a field of {name}, found none") from None
 
 
 def main() -> int:

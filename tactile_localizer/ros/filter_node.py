@@ -294,7 +294,7 @@ class FilterNode(ManagedNode):
         missing = self._stale or (self._missing() if self._silent() else "")
         inputs = self._inputs
         misaligned = inputs.misalignment(self.parameters["patience_s"])
-        return missing or misaligned or inputs.motion() or self._loaded.other_delay
+        return missing or inputs.mixed() or misaligned or inputs.motion() or self._loaded.other_delay
 
     def _repeat_as_stale(self) -> None:
         """Publish the last estimate, or that there is none yet, with the reason."""

@@ -264,7 +264,7 @@ class MappingNode(ManagedNode):
         is_late = began_ns is not None and self._inputs.newest_ns - began_ns > _STILL_NS
         motion = self._inputs.motion(moves=is_late)
         behind = self._inputs.behind if losses or misaligned else ""
-        warnings = ", ".join(filter(None, [misaligned, *losses, behind, motion]))
+        warnings = ", ".join(filter(None, [self._inputs.mixed(), misaligned, *losses, behind, motion]))
         activity = f"recording sweep {recorder.number}" if recorder.is_active else "no active sweep"
         level = DiagnosticStatus.OK
         if errors or warnings:

@@ -113,6 +113,8 @@ def read_bag(
         names |= {TF: TF, TF_STATIC: TF_STATIC}
     messages = read_messages(path, _wanted(names, strains), definitions, progress)
     found, notes = _by_name(messages, names, strains), messages.notes()
+    if adapter is not None:
+        notes += [*filter(None, map(adapter.mixed, adapter.topics)), *adapter.findings()]
     for name in ("strain", TF if palm_frame else "pose"):
         if not found[name]:
             raise _nothing_on(path, names[name], messages, notes)
@@ -123,7 +125,9 @@ def read_bag(
     if palm_frame:
         found["pose"] = _from_tf(found, frame.reference_frame, palm_frame.lstrip("/"))
     pose_ns, poses, before = _positions(found["pose"], frame, topic, notes)
-    implausible = [*pose_notes(topic, scene.axes, stamp_ns, pose_ns, poses, max_gap_s)]
+    receipt = "; stamp: receipt in the adapter takes the times of receipt" * (adapter is not None)
+    clocks = stamp_ns, pose_ns, poses, max_gap_s, lambda ahead_s: receipt
+    implausible = [*pose_notes(topic, scene.axes, *clocks)]
     notes += implausible or _delay_notes(found["strain"], found["pose"], topic)
     pair = partial(pair_recorded, scene.axes, stamp_ns)
     position, has_position, _ = pair(pose_ns, poses, max_gap_s, before)
@@ -172,6 +176,11 @@ def _by_name(
 
 def _nothing_on(path: str | Path, topic: str, messages: BagMessages, notes: list[str]) -> ScanError:
     there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items()))
+    if topic in messages.topics:
+        reason = "; ".join(notes) or "it has none"
+        return ScanError(
+            f"{path}: expected messages of {topic}, found the topic, and none can be used: {reason}"
+        )
     reasons = "; ".join([there or "no topics", *notes])
     advice = "; --palm-frame FRAME looks the pose up in tf" if TF in messages.topics and topic != TF else ""
     return ScanError(f"{path}: expected messages of {topic}, found {reasons}{advice}")

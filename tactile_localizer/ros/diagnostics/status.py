@@ -69,6 +69,11 @@ class DiagnosticsPublisher:
         return f"use_sim_time: no time on {topic} ({counted(publishers, 'publisher')})"
 
 
+def publisher_names(publishers: Sequence[Any]) -> list[str]:
+    """The full names of the nodes of publishers that the graph knows."""
+    return sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in publishers)
+
+
 class Increments:
     """Counts since the previous call; the first call counts from zero.
 

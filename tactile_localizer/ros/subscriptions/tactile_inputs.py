@@ -18,13 +18,15 @@ from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.parameters import Parameter
-from tactile_localizer.ros.diagnostics.status import LargestRecent
+from tactile_localizer.ros.diagnostics.status import LargestRecent, publisher_names
 from tactile_localizer.ros.subscriptions.tf_poses import TfPoses
 from tactile_localizer.scene import Axis, Scene
+from tactile_localizer.streams.alternation import alternates
 from tactile_localizer.streams.delay import MOST_DELAY_S
 from tactile_localizer.streams.palm_frame import PalmFrame
 from tactile_localizer.streams.palm_motion import describe_motion
 from tactile_localizer.streams.runs import NANOSECONDS, stamp_of
+from tactile_localizer.streams.sources import describe_sources
 from tactile_localizer.streams.synchronization import (
     DEFAULT_MAX_GAP_S,
     DEFAULT_PATIENCE_S,
@@ -42,6 +44,8 @@ _LONG_S = 0.1
 """Time that a message waits for this node from which it is behind, s (judgement)."""
 _POSES = 2000
 """Number of poses whose motion is judged."""
+_STRAINS = 200
+"""Number of strain vectors that are compared with each other."""
 
 INPUTS = ("strain", "palm_pose")
 """Names of the inputs."""
@@ -152,6 +156,8 @@ class TactileInputs:
         self._ahead_of_sender_ns = LargestRecent(_CLOCKS_S)  # times of sending on arrival
         self._waits_ns = LargestRecent(_BEHIND_S)
         self._motion: deque[tuple[int, np.ndarray]] = deque(maxlen=_POSES)
+        self._frames: dict[str, set[str]] = {topic: set() for topic in INPUTS}
+        self._recent: deque[np.ndarray] = deque(maxlen=_STRAINS)
         self.problems: dict[str, str] = {}
 
     def subscribe(self) -> None:
@@ -219,6 +225,19 @@ class TactileInputs:
         text = describe_motion(self._axes, stamp_ns, position, moves)
         return text and f"palm_pose: {text}"
 
+    def mixed(self) -> str:
+        """Two sources of one topic since the last call, in one line; empty without."""
+        found, frames = list[str](), self._frames
+        self._frames = {topic: set() for topic in INPUTS}
+        for topic, seen in frames.items():
+            is_tf = topic == "palm_pose" and self._tf is not None
+            publishers = [] if is_tf else self._publishers(topic)
+            found.append(describe_sources(topic, publisher_names(publishers), sorted(seen - {""})))
+        strain = list(self._recent)
+        if not any(found) and len({len(each) for each in strain}) == 1 and alternates(np.array(strain)):
+            found.append("strain alternates from sample to sample: two sources")
+        return "; ".join(filter(None, found))
+
     @property
     def behind(self) -> str:
         """By how much this node is behind the messages that it has received; empty if it is not."""
@@ -228,9 +247,9 @@ class TactileInputs:
     def absence(self, topic: str) -> str:
         """Where no message of a topic arrives: its name in the graph, and its publishers."""
         of_tf = self._tf if topic == "palm_pose" else None
-        subscription = self._strain if topic == "strain" else self._poses[0]
+        subscription = self._subscription(topic)
         name = self._node.resolve_topic_name(subscription.topic)
-        publishers = self._node.get_publishers_info_by_topic(name)
+        publishers = self._publishers(topic)
         described, kind = [counted(len(publishers), "publisher")], subscription.msg_type
         own = f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
         described += [f"of {other}" for other in sorted({each.topic_type for each in publishers} - {own})]
@@ -272,6 +291,13 @@ class TactileInputs:
         self.problems[topic] = f"{topic}: {error}"
         self._node.get_logger().error(self.problems[topic], throttle_duration_sec=1.0)
 
+    def _subscription(self, topic: str) -> Subscription:
+        return self._strain if topic == "strain" else self._poses[0]
+
+    def _publishers(self, topic: str) -> list[Any]:
+        name = self._node.resolve_topic_name(self._subscription(topic).topic)
+        return list(self._node.get_publishers_info_by_topic(name))
+
     def _palm_frame(self, axes: tuple[Axis, ...]) -> PalmFrame:
         parameters = self._node.parameters
         return PalmFrame(
@@ -304,6 +330,7 @@ class TactileInputs:
         self._take_poses()
 
     def _add_strain(self, stamp_ns: int, sample: StrainSample) -> _Pairs:
+        self._recent.append(sample[0])
         return self.pairing.add_strain(stamp_ns - self.delay_ns, sample)
 
     def _on_pose(self, message: PoseStamped, info: Mapping[str, int]) -> None:
@@ -338,6 +365,7 @@ class TactileInputs:
             self.reject(topic, error)
         else:
             self.problems.pop(topic, None)
+            self._frames[topic].add(message.header.frame_id)
             strain_ns, pose_ns = self.pairing.newest_ns, self.pairing.newest_pose_ns
             if strain_ns is not None and pose_ns is not None:
                 self._ahead_ns[topic] = pose_ns - strain_ns - self.delay_ns
