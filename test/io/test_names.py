@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.io.can.layout import SignalNames
 from tactile_localizer.io.names import expanded, parse_names, ranges
 
 
@@ -46,6 +47,10 @@ def test_a_factor_is_a_number_behind_the_names(given, names, factor):
 def test_what_is_no_name_is_refused(given):
     with pytest.raises(ParameterError, match=r"^here: expected"):
         parse_names(given, "here")
+
+
+def test_signals_of_a_log_are_named_as_columns_are():
+    assert SignalNames(["left_1..2", "right"]).gauge_signals == ("left_1", "left_2", "right")
 
 
 @given(st.sets(st.integers(0, 60), min_size=1))

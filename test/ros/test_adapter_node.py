@@ -71,3 +71,45 @@ def test_a_fingertip_is_reported_while_it_is_silent(node_process, probe):
     read, status = StrainReader(load_scene(EXAMPLE / "fingertip.yaml")).read(strain[-1])
     np.testing.assert_array_equal(read, [2.0, 0.0, 0.0, 0.0, 0.0, 3.0])
     assert status.tolist() == [0]
+
+
+def test_two_sensors_on_one_topic_are_an_error_with_their_frames(node_process, probe):
+    reports = probe.diagnostics()
+    strain = probe.listen(StrainVectors, "strain", STRAIN)
+    node_process("adapter_node", {"adapter_file": EXAMPLE / "fingertip_adapter.yaml"})
+    sensors = [probe.publisher(WrenchStamped, "wrench") for _ in range(2)]
+
+    def publish():
+        for number, sensor in enumerate(sensors):
+            message = WrenchStamped()
+            message.header.stamp = probe.node.get_clock().now().to_msg()
+            message.header.frame_id = ("left_ft", "right_ft")[number]
+            message.wrench.force.x = 10.0 * number
+            sensor.publish(message)
+
+    def reported():
+        publish()
+        found = [each.status[0] for each in reports]
+        text = "expected one publisher of wrench, found 2 (frames left_ft, right_ft); "
+        return next((each for each in found if each.message.startswith(text)), None)
+
+    assert probe.until(reported, "the report").level == b"\x02"
+    assert len({vector.strain[0] for vector in strain}) == 1, "one of them is taken"
+
+
+def test_a_value_that_is_never_there_is_named_live(node_process, probe, tmp_path):
+    adapter = tmp_path / "skin.yaml"
+    adapter.write_text(
+        "phalanges: {finger: {topic: /skin, type: std_msgs/msg/Float32MultiArray, channels: 3}}"
+    )
+    reports = probe.diagnostics()
+    node_process("adapter_node", {"adapter_file": adapter})
+    skin = probe.publisher(Float32MultiArray, "/skin")
+    text = "/skin: value 3 of finger is never a number; values: [0..1] in the adapter"
+    probe.until(
+        lambda: (
+            skin.publish(Float32MultiArray(data=[1.0, 2.0, float("nan")]))
+            or [each for each in reports if each.status[0].message.startswith(text)]
+        ),
+        "the report",
+    )

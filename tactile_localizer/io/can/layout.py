@@ -13,6 +13,7 @@ from cantools.database.can import Message, Signal
 from tactile_localizer.channels import DEFAULT_CHANNELS, ChannelLayout
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can.dbc import PhalanxMessages
+from tactile_localizer.io.names import expanded
 
 GAUGE_SIGNALS = tuple(f"gauge_{i + 1}" for i in range(DEFAULT_CHANNELS))
 """Default signal names of the gauge pairs."""
@@ -40,7 +41,8 @@ class SignalNames:
     status_ok: Sequence[int] = (0,)
 
     def __post_init__(self) -> None:
-        gauges = self.gauge_signals
+        gauges = [name for each in self.gauge_signals for name in expanded(each, "gauge signals", CanError)]
+        object.__setattr__(self, "gauge_signals", tuple(gauges))
         if not gauges or len(set(gauges)) < len(gauges):
             raise CanError(f"gauge signals: expected unique names, got {', '.join(gauges) or 'none'}")
 
