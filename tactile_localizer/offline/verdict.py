@@ -70,7 +70,7 @@ class Verdict:
             f"{'localized' if self.success else 'NOT localized'}: "
             f"{self.right} of {counted(self.expected, 'sweep')} "
             f"{'right' if self.has_truth else 'converged'}, {self.wrong} ever wrong, "
-            f"{self.lost} converged and lost again, {self.never} never converged"
+            f"{self.lost} lost again, {self.never} never"
             + f"; {self.early} converged before contact"
             * (self.early > 0)
         )
