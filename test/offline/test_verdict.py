@@ -59,9 +59,7 @@ def test_a_sweep_that_was_ever_converged_off_the_position_is_wrong() -> None:
     assert counts(right, wrong) == (2, 1, 1, 0, 0, False)
     verdict = judge([right, wrong])
     assert verdict.notes == ("sweep 4 was converged to a wrong position, off by x 26.20 mm, y 0.00 mm",)
-    assert str(verdict) == (
-        "NOT localized: 1 of 2 sweeps right, 1 ever wrong, 0 lost again, 0 never"
-    )
+    assert str(verdict) == ("NOT localized: 1 of 2 sweeps right, 1 ever wrong, 0 lost again, 0 never")
     assert judge([wide(right, 0.03), wide(wrong, 0.03)]).success
     assert counts(right, replayed(errors, converged=np.arange(10) > 5, **TOUCHES))[-1]
 
