@@ -20,7 +20,7 @@ from tactile_localizer.core.hypotheses.convergence import (
 )
 from tactile_localizer.core.hypotheses.explanations import RELOCATION_DISTANCE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
-from tactile_localizer.core.likelihood.drift import Innovation, Trend
+from tactile_localizer.core.likelihood.drift import OUTLIER, Innovation, Trend
 from tactile_localizer.core.likelihood.gain import Gain
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
@@ -314,7 +314,8 @@ class Localizer:
         share = max(min(1.0, update_travel / RECENT), 1.0 / self._updates)
         # Weighted as a whole measurement: a belief that is still open also holds places that misfit.
         fitting = bayes(prediction.weights, on_map.position)[0]
-        scale = sweep.scale + share * (on_map.squared @ fitting - sweep.scale)
+        squared = np.minimum(on_map.squared @ fitting, OUTLIER)
+        scale = sweep.scale + share * (squared - sweep.scale)
         self._sweep = _Sweep(model, trend, gain, scale, explanations, strength_weights)
         self._belief = belief
         volume = float(model.noise.log_volume[used].sum())

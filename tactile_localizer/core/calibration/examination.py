@@ -42,6 +42,8 @@ _TRIALS, _FEW = 48, 12
 and at others."""
 _CLEAR = 4.0
 """Standard errors of the difference of two scores of a few trials beyond which more trials are not needed."""
+_CONCEDED = -math.log(Configuration().convergence_probability)
+"""Score of a belief that just converges."""
 _SWEEPS = 24
 """Most sweeps that are held out."""
 _MAPS = 6
@@ -193,7 +195,7 @@ def examine(
     Parameters
     ----------
     scan : whose sweeps are held out
-    models : learned from all of it, one of each kind of material
+    models : learned from all of it, one of each kind of material, those that assume less after the others
     build : makes a localizer from a part of a model, over the scene in which that part lies
     progress : called with the completed fraction
 
@@ -257,16 +259,17 @@ class _Kind:
                 self.choice += step
 
     def better_than(self, other: _Kind) -> _Kind:
-        """The one with the better score, or, within its standard error, with more trials right at the end.
+        """The one with the better score, or, where that is open, more trials right at the end, or this one.
 
-        A few trials decide where their scores are far from each other.
+        A few trials decide where their scores are far from each other. What the threshold of convergence
+        concedes is no difference.
         """
         for count, errors in ((_FEW, _CLEAR), (_TRIALS, 1.0)):
             difference = self._scores(self.choice, count) - other._scores(other.choice, count)
-            if _is_distinct(difference, errors):
+            if _is_distinct(difference, errors) and abs(difference.mean()) > _CONCEDED:
                 return self if difference.mean() > 0.0 else other
         right = [sum(each.right for each in kind._localized(kind.choice, True)) for kind in (self, other)]
-        return self if right[0] > right[1] else other
+        return self if right[0] >= right[1] else other
 
     def refine(self) -> None:
         """Choose among the best length and its neighbours by all trials, then by false claims.

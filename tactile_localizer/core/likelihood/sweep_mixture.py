@@ -14,7 +14,7 @@ from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density, weight
 
 _ALIKE = 0.3
 """Difference of two components, in noise widths of a visit, below which they are one. It saves time."""
@@ -92,7 +92,8 @@ class OnMap(NamedTuple):
     states, anchors : (P,) and (R,) log-likelihoods under the variance of a visit in the scan
     position : (P,) log-likelihoods under the variance of the sweep at hand
     squared : (F, P) squared residuals, in those expected in the scan
-    information, product : (F, N) squared signal, and its product with the residual, over the variance
+    information, product : (F, N) squared signal, and its product with the residual, over the variance; those
+        of an outlier count as by the weights of the t-distribution
     """
 
     states: np.ndarray
@@ -254,12 +255,11 @@ class SweepMixture:
         at = felt.starts
         squared, product, energy, spread, variance = (each.take(at, axis=1) for each in felt[2:7])
         along = spread * np.square(product) / (variance + spread * energy)
-        squared = np.maximum(squared - along, 0.0) / (_MEAN_SQUARE * variance * self._channels)
-        squared = squared[:, :states]
+        squared = np.maximum(squared - along, 0.0) / variance
         variance = variance * larger
-        return OnMap(
-            at_states, likelihoods[states:], position, squared, energy / variance, product / variance
-        )
+        counted = weight(squared / larger, self._channels) / variance
+        squared = squared[:, :states] / (_MEAN_SQUARE * self._channels)
+        return OnMap(at_states, likelihoods[states:], position, squared, counted * energy, counted * product)
 
     def _residuals(self, nodes: np.ndarray, states: int, innovation: Innovation, gain: Gain) -> _Residuals:
         """Residuals of a strain from the components at states and anchors; see :meth:`on_map`."""

@@ -60,7 +60,8 @@ def test_an_axis_along_which_nothing_differs_is_not_observed(examined: tuple[flo
 def test_where_places_cannot_be_distinguished_none_is_claimed(examined: tuple[float, Examination]) -> None:
     slope, examination = examined
     right = sum(each.right for each in examination.on_map)
-    assert not any(each.wrong for each in examination.outcomes)
+    wrong = sum(each.wrong for each in examination.outcomes)
+    assert wrong <= (by_chance(len(examination.outcomes)) if slope else 0)
     assert right > 0.5 * len(examination.on_map) if slope else right == 0
 
 
@@ -202,7 +203,8 @@ def test_only_where_a_length_may_be_the_best_all_is_tried(
         (-0.3, Material.CLOTH, Material.SHEET),
         (0.1, Material.SHEET, Material.SHEET),
         (-0.1, Material.CLOTH, Material.CLOTH),
-        (0.1, None, Material.SHEET),
+        (0.1, None, Material.CLOTH),
+        (-0.1, None, Material.CLOTH),
     ],
 )
 def test_of_two_kinds_with_like_scores_the_one_with_more_sweeps_right_is_chosen(
