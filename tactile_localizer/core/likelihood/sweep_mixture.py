@@ -254,10 +254,11 @@ class SweepMixture:
             position = of_states.log_likelihoods(of_states.variance * larger, self._channels, used)
         at = felt.starts
         squared, product, energy, spread, variance = (each.take(at, axis=1) for each in felt[2:7])
-        along = spread * np.square(product) / (variance + spread * energy)
-        squared = np.maximum(squared - along, 0.0) / variance
-        variance = variance * larger
-        counted = weight(squared / larger, self._channels) / variance
+        gained, energies = spread * np.square(product), spread * energy
+        in_sweep = variance * larger
+        left = np.maximum(squared - gained / (in_sweep + energies), 0.0) / in_sweep
+        counted = weight(left, self._channels) / in_sweep
+        squared = np.maximum(squared - gained / (variance + energies), 0.0) / variance
         squared = squared[:, :states] / (_MEAN_SQUARE * self._channels)
         return OnMap(at_states, likelihoods[states:], position, squared, counted * energy, counted * product)
 
