@@ -157,7 +157,7 @@ def _delay(args: argparse.Namespace, scene: Scene, recording: Recording) -> tupl
         return 0.0, HIDDEN
     if not delay.is_significant:
         return 0.0, ""
-    advice = f"--delay 0 does not; the nodes need strain_delay: {delay.seconds:.3f}"
+    advice = f"--delay 0 does not; the nodes need strain_delay_s: {delay.seconds:.3f}"
     return delay.seconds, f"{delay}: corrected ({advice})"
 
 

@@ -152,8 +152,8 @@ class FilterNode(ManagedNode):
         localizer = build_localizer(scan, scene, choices, rng, progress, calibration)
         sweeps = counted(len(scan.sweep_numbers), "sweep")
         self.get_logger().info(f"{path}: {counted(len(scan), 'pair')} of {sweeps}, scene {scene.name}")
-        given_s, scanned_s = parameters["strain_delay"], folder.strain_delay_s
-        other = f"strain_delay is {given_s:g} s, in the scan it is {scanned_s:g} s"
+        given_s, scanned_s = parameters["strain_delay_s"], folder.strain_delay_s
+        other = f"strain_delay_s is {given_s:g} s, in the scan it is {scanned_s:g} s"
         if abs(given_s - scanned_s) <= _SAME_DELAY_S:
             other = ""
         else:

@@ -99,7 +99,7 @@ class MappingNode(ManagedNode):
         store = ScanWriter(parameters["scan_file"], self._scene)
         self.defer(store.close)
         self._recorder = SweepRecorder(store, self._detector(), self._coverage, self._publish_status)
-        delay = {STRAIN_DELAY: parameters["strain_delay"]} if parameters["strain_delay"] else {}
+        delay = {STRAIN_DELAY: parameters["strain_delay_s"]} if parameters["strain_delay_s"] else {}
         store.note("record", node=self.get_fully_qualified_name(), **delay)
         self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", _STATUS_QOS)
         self._health = DiagnosticsPublisher(self)

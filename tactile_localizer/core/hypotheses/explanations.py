@@ -64,8 +64,9 @@ class Explanations(NamedTuple):
             tracked, relocated = tracked + relocated, 0.0
         if lost.any():
             weights = np.where(lost, 0.0, weights)
-            gone = relocated * (1.0 - float(weights.sum()))
-            relocated, other = relocated - gone, other + gone
+            kept = float(weights.sum())
+            relocated, other = relocated * kept, other + relocated * (1.0 - kept)
+            weights = weights / kept if kept > 0.0 else np.full(len(weights), 1.0 / len(weights))
         # Other material is as probable as the map before the first strain, so either is left at one rate.
         stayed = math.exp(-travel / PATCH_LENGTH)
         returned = (1.0 - stayed) * other
@@ -77,7 +78,7 @@ class Explanations(NamedTuple):
         anywhere = relocated + arriving
         if anywhere > 0.0:
             new = arriving / anywhere / len(weights)
-            weights = relocated / anywhere / max(float(weights.sum()), 1e-300) * weights + new
+            weights = relocated / anywhere * weights + new
         return Explanations(tracked * (1.0 - moved), anywhere, other * (1.0 - moved), weights)
 
     def update(self, travel: float, at_anchors: np.ndarray, other: float) -> Explanations:

@@ -7,7 +7,7 @@ refused, and numbers by which a parser would allocate memory without limit.
 import copy
 import logging
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
@@ -52,7 +52,7 @@ def read_messages(
     ------
     CanError
         The file cannot be read or is not a DBC; a phalanx has no message; a message is twice in the DBC, or
-        contradicts itself. Others of the DBC may have the same identifier.
+        contradicts itself.
     """
     expected = f"{path}: expected a DBC file"
     with refusing(expected, CanError, OSError):
@@ -65,7 +65,7 @@ def read_messages(
     chosen = _choose(phalanges, messages, [name for name, _ in blocks])
     used = dict.fromkeys(_name_of(reference) for own in chosen for reference in own)
     for name in used:
-        _check(name, blocks, used)
+        _check(name, blocks)
     end, pieces = 0, []
     for name, block in blocks:
         if name not in used:
@@ -138,14 +138,10 @@ def _resolve(messages: Mapping[str, Message], reference: str) -> Message:
     return message
 
 
-def _check(name: str, blocks: Blocks, used: Collection[str]) -> None:
+def _check(name: str, blocks: Blocks) -> None:
     """Refuse what a parser does not look at, and sizes that it must not see."""
     lines = next(block for other, block in blocks if other == name)
-    same = [
-        (other, one)
-        for other, one in blocks
-        if other == name or (other in used and one["number"] == lines["number"])
-    ]
+    same = [(other, one) for other, one in blocks if other == name or one["number"] == lines["number"]]
     if len(same) > 1:
         found = ", ".join(f"{other} 0x{int(one['number']) & 0x1FFFFFFF:X}" for other, one in same)
         raise CanError(f"message {name!r}: expected its name and identifier once in the DBC, found {found}")

@@ -63,7 +63,7 @@ SYNCHRONIZATION = (
         60.0,
     ),
     Parameter(
-        "strain_delay",
+        "strain_delay_s",
         0.0,
         "Time by which strain is late against the poses, subtracted from its stamps; that of the scan",
         "s",
@@ -144,7 +144,7 @@ class TactileInputs:
         """Begin anew with the axes and phalanges of a scene: the next messages do not continue the last."""
         parameters = self._node.parameters
         self._axes, self._frame = scene.axes, self._palm_frame(scene.axes)
-        self.delay_ns = round(parameters["strain_delay"] * NANOSECONDS)
+        self.delay_ns = round(parameters["strain_delay_s"] * NANOSECONDS)
         self._reader = StrainReader(scene)
         self.pairing: Pairing[StrainSample] = Pairing(
             scene.axes, max_gap_s=parameters["max_gap_s"], patience_s=parameters["patience_s"]

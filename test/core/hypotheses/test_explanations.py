@@ -48,6 +48,12 @@ def test_an_anchor_that_moves_beyond_the_bounds_is_on_other_material_and_begins_
     assert moved.tracked == pytest.approx(0.7)
 
 
+def test_anchors_of_which_none_is_left_are_equally_probable() -> None:
+    explanations = Explanations(0.5, 0.3, 0.2, np.eye(PLACES)[1]).predict(0.0, 0.0, np.arange(PLACES) == 1)
+    assert explanations[:3] == pytest.approx((0.5, 0.0, 0.5))
+    np.testing.assert_allclose(explanations.anchor_weights, 1.0 / PLACES)
+
+
 def relocated(nats: float, places: int = PLACES, travel: float = 0.05) -> tuple[Explanations, float]:
     """Explanations once a place that is better by ``nats`` at every update takes over, and the travel."""
     explanations = Explanations.start(places)

@@ -198,7 +198,6 @@ FAULTS_OF_OTHERS = {
     "an identifier that is too long": "BO_ 419361280 motor: 8 hand\n",
     "a name twice": "BO_ 1 motor: 8 hand\n\nBO_ 2 motor: 8 hand\n",
     "an identifier twice": "BO_ 1 motor: 8 hand\n\nBO_ 1 engine: 8 hand\n",
-    "the identifier of a message in use": "BO_ 258 motor: 8 hand\n",
     "an empty range": 'BO_ 1 motor: 8 hand\n SG_ a : 0|8@1- (1,0) [9|1] "" hand\n',
     "a syntax error": 'BO_ 1 motor: 8 hand\n SG_ a : 0|8@1 (1;0) [] "" hand\n',
     "multiplexed values": "BO_ 1 motor: 8 hand\n\nSG_MUL_VAL_ 1 a b 0-4000000000;\n",
