@@ -49,7 +49,7 @@ class SignalNames:
 
 @dataclass(frozen=True)
 class LoadCellMessage:
-    """A message of a load cell.
+    """A message of a load cell, or one of its pages: the frames in which a multiplexer has one value.
 
     Parameters
     ----------
@@ -57,6 +57,8 @@ class LoadCellMessage:
     phalanx : index of the phalanx
     gauges : signals of the gauges in the message, by their column in the strain vector
     counter, status : signals of the counter and the status, ``None`` without one
+    selector : signal of the multiplexer, ``None`` without pages
+    page : its raw value
     """
 
     definition: Message
@@ -64,6 +66,8 @@ class LoadCellMessage:
     gauges: Mapping[int, Signal]
     counter: Signal | None
     status: Signal | None
+    selector: Signal | None = None
+    page: int = 0
 
     @property
     def key(self) -> tuple[int, bool]:
@@ -77,8 +81,9 @@ class LoadCellMessage:
 
     @property
     def name(self) -> str:
-        """Identifier and name, as in ``0x110 index``."""
-        return f"0x{self.definition.frame_id:X} {self.definition.name}"
+        """Identifier and name, as in ``0x110 index``, and the page, as in ``0x110 index (half 1)``."""
+        page = f" ({self.selector.name} {self.page})" if self.selector else ""
+        return f"0x{self.definition.frame_id:X} {self.definition.name}{page}"
 
     @cached_property
     def length(self) -> int:
@@ -109,8 +114,8 @@ def compile_layout(
     ------
     CanError
         A gauge is missing, duplicated, scaled by 0 or in a unit other than V, mV or uV; a counter is a
-        float; a signal in use is multiplexed or has an empty range; only some messages of a phalanx have a
-        counter; two messages share an identifier.
+        float; a signal in use has an empty range; gauges of a message are behind several multiplexers, or its
+        counter or status is in no frame with gauges; two messages share an identifier.
     """
     found: list[LoadCellMessage] = []
     counts: list[int] = []
@@ -122,18 +127,18 @@ def compile_layout(
         )
         own = []
         for message in definitions:
-            by_name = {signal.name: signal for signal in message.signals}
             contained = {column: signal for column, (of, signal) in gauges if of is message}
-            own.append(LoadCellMessage(message, index, contained, by_name.get(counter), by_name.get(status)))
-            for signal in filter(None, (*contained.values(), by_name.get(counter), by_name.get(status))):
+            beside = [one for one in message.signals if one.name in (counter, status)]
+            for signal in (*contained.values(), *beside):
                 _check(message, signal)
             for gauge in contained.values():
                 _check_gauge(message, gauge)
+            own += _pages(message, index, contained, counter, status)
         if any(message.counter and message.counter.is_float for message in own):
             raise CanError(f"phalanx {phalanx!r}: expected an integer {counter!r}, found a float")
         found += own
     for one, other in combinations(found, 2):
-        if one.key == other.key:
+        if one.key == other.key and (one.page == other.page or None in (one.selector, other.selector)):
             raise CanError(
                 f"message {one.name}: expected it once, found it in {phalanges[one.phalanx]} and "
                 f"{phalanges[other.phalanx]}; give boards of one kind their identifiers: "
@@ -166,15 +171,49 @@ def _gauges_of(phalanx: str, messages: Sequence[Message], names: SignalNames) ->
     return [gauges[0] for gauges in found[: last + 1]]
 
 
+def _pages(
+    message: Message, phalanx: int, gauges: Mapping[int, Signal], counter: str, status: str
+) -> list[LoadCellMessage]:
+    """The message, or its pages with gauges, of which the first has also those that are in every frame."""
+    by_name = {signal.name: signal for signal in message.signals}
+    beside = by_name.get(counter), by_name.get(status)
+    selectors = {gauge.multiplexer_signal for gauge in gauges.values() if gauge.multiplexer_ids}
+    selector = by_name[selectors.pop()] if selectors else None
+    if selectors or (selector and (selector in beside or selector.multiplexer_ids or selector.is_float)):
+        where = f"gauges of {message.name}"
+        raise CanError(f"{where}: expected them in every frame, or behind one multiplexer that is no other's")
+    plain = {column: gauge for column, gauge in gauges.items() if not gauge.multiplexer_ids}
+    paged = gauges.keys() - plain.keys()
+    pages = sorted({min(gauges[column].multiplexer_ids or ()) for column in paged}) or [0]
+    found = []
+    for page in pages:
+        own = plain if page == pages[0] else {}
+        own = own | {each: gauges[each] for each in paged if min(gauges[each].multiplexer_ids or ()) == page}
+        counts, says = (one if one and _is_in(one, selector, page) else None for one in beside)
+        found.append(LoadCellMessage(message, phalanx, own, counts, says, selector, page))
+    for one in filter(None, beside):
+        if not any(one in (page.counter, page.status) for page in found):
+            where = f"signal {one.name!r} of {message.name}"
+            raise CanError(f"{where}: expected it in every frame or with gauges, it is multiplexed")
+    return found
+
+
+def _is_in(signal: Signal, selector: Signal | None, page: int) -> bool:
+    """Whether a signal is in the frames of a page."""
+    if not signal.multiplexer_ids:
+        return True
+    return (
+        selector is not None and signal.multiplexer_signal == selector.name and page in signal.multiplexer_ids
+    )
+
+
 def _names(messages: Sequence[Message]) -> str:
     return ", ".join(message.name for message in messages)
 
 
 def _check(message: Message, signal: Signal) -> None:
-    """Refuse a signal that is not in every frame, or has impossible values."""
+    """Refuse a signal that has impossible values."""
     where = f"signal {signal.name!r} of {message.name}"
-    if signal.multiplexer_ids or signal.multiplexer_signal:
-        raise CanError(f"{where}: expected it in every frame, it is multiplexed")
     if signal.length > 64 or (signal.is_float and signal.length not in (16, 32, 64)):
         expected = "a float of 16, 32 or 64" if signal.is_float else "at most 64"
         raise CanError(f"{where}: expected {expected} bits, found {signal.length}")

@@ -8,7 +8,9 @@ from typing import Any, Literal
 
 import can
 import numpy as np
+from cantools.database.can import Signal
 
+from tactile_localizer.errors import listed
 from tactile_localizer.io.can.dbc import read_messages
 from tactile_localizer.io.can.layout import (
     VOLTS,
@@ -25,6 +27,9 @@ from tactile_localizer.resources import given_or_shipped
 _GROUP = 0x03FFFF00
 """Mask of an identifier of SAE J1939 without its priority and the address of its sender."""
 
+Place = tuple[Literal["little", "big"], int, int]
+"""Byte order, shift and mask of a number in the data of a frame."""
+
 
 class FrameKind(enum.IntEnum):
     """Kind of a frame; the assembler determines the last three."""
@@ -37,6 +42,7 @@ class FrameKind(enum.IntEnum):
     DUPLICATE = 5
     OUT_OF_ORDER = 6
     LATE = 7
+    UNKNOWN_PAGE = 8
 
 
 class LoadCellProtocol:
@@ -78,13 +84,15 @@ class LoadCellProtocol:
         self._status_ok = frozenset(names.status_ok)
         self.is_fd = any(message.length > 8 or message.definition.is_fd for message in self.messages)
         self._slots = {message.key: slot for slot, message in enumerate(self.messages)}
+        self._selectors = {one.key: _shift_of(one, one.selector) for one in self.messages if one.selector}
+        self._pages = {(one.key, one.page): slot for slot, one in enumerate(self.messages) if one.selector}
         self._similar = {(key[0], not key[1]): slot for key, slot in self._slots.items()}
         self._similar |= {
             (number & _GROUP, True): slot for (number, _), slot in self._slots.items() if number > 0x7FF
         }
         self._ends = np.cumsum([message.length for message in self.messages]).tolist()
         self.size = self._ends[-1]
-        self._counters = [_shift_of(message) for message in self.messages]
+        self._counters = [_shift_of(message, message.counter) for message in self.messages]
         self._compile()
 
     def _compile(self) -> None:
@@ -132,7 +140,7 @@ class LoadCellProtocol:
                 "can_mask": _GROUP if message.is_j1939 else 0x1FFFFFFF,
                 "extended": extended,
             }
-            for message in self.messages
+            for message in {message.key: message for message in self.messages}.values()
             for extended in (False, True)
         ]
 
@@ -157,8 +165,12 @@ class LoadCellProtocol:
             return FrameKind.UNKNOWN_ID, slot, 0
         if len(frame.data) != self.messages[slot].length:
             return FrameKind.WRONG_LENGTH, slot, 0
-        order, shift, mask = self._counters[slot]
-        return FrameKind.DATA, slot, int.from_bytes(frame.data, order) >> shift & mask if mask else 0
+        if selector := self._selectors.get((number, extended)):
+            own = self._pages.get(((number, extended), _number_at(selector, frame.data)))
+            if own is None:
+                return FrameKind.UNKNOWN_PAGE, slot, 0
+            slot = own
+        return FrameKind.DATA, slot, _number_at(self._counters[slot], frame.data)
 
     def misfit(self, frame: can.Message, slot: int) -> str:
         """Why a frame is not used that has or resembles the identifier of a message, in words."""
@@ -170,6 +182,10 @@ class LoadCellProtocol:
                 f"0x{number:X} differs from {message.name} only in its priority or the address of its sender"
                 f": set messages.{self.phalanges[message.phalanx]} to {message.definition.name}@0x{number:X}"
             )
+        if len(frame.data) == message.length and message.selector:
+            value = _number_at(self._selectors[message.key], frame.data)
+            own = listed(str(one.page) for one in self.messages if one.key == message.key)
+            return f"0x{number:X} {message.definition.name}: {message.selector.name} {value} instead of {own}"
         if frame.is_extended_id != message.key[1]:
             found, expected = (29, 11) if frame.is_extended_id else (11, 29)
             return f"{message.name}: an identifier of {found} bits instead of {expected}"
@@ -253,6 +269,8 @@ class LoadCellProtocol:
             for column, gauge in message.gauges.items():
                 volts = np.clip(strain[column - first], self._lowest[column], self._highest[column])
                 values[gauge.name] = gauge.scaled_to_raw(float(volts / self._volts[column]))
+            if message.selector:
+                values[message.selector.name] = message.page
             if message.counter:
                 counts = message.counter_values
                 values[message.counter.name] = counts[sequence % len(counts)]
@@ -285,12 +303,17 @@ def protocol_of(phalanges: Sequence[str], parameters: Mapping[str, Any]) -> Load
     return LoadCellProtocol(dbc, phalanges, messages, SignalNames(**names))
 
 
-def _shift_of(message: LoadCellMessage) -> tuple[Literal["little", "big"], int, int]:
-    """Byte order, shift and mask of a message's counter; mask 0 without one."""
-    if message.counter is None:
+def _shift_of(message: LoadCellMessage, signal: Signal | None) -> Place:
+    """Place of a number in a message; ``None``: there is none, and it is 0."""
+    if signal is None:
         return "little", 0, 0
-    mask = (1 << message.counter.length) - 1
-    lowest = bits_of(message.counter)[0]
-    if message.counter.byte_order == "little_endian":
+    mask = (1 << signal.length) - 1
+    lowest = bits_of(signal)[0]
+    if signal.byte_order == "little_endian":
         return "little", lowest, mask
     return "big", 8 * message.length - 1 - (lowest ^ 7), mask
+
+
+def _number_at(place: Place, data: bytes | bytearray) -> int:
+    order, shift, mask = place
+    return int.from_bytes(data, order) >> shift & mask if mask else 0

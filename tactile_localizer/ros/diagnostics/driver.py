@@ -114,7 +114,8 @@ class DriverDiagnostics:
             return DiagnosticStatus.ERROR, f"{status.controller}: wrong bit rate, wiring or termination"
         discarded = describe_discarded({kind: new[kind] for kind in FrameKind})
         errors = ", ".join(f"{new[kind]} {kind}" for kind in dict(status.errors) if new.get(kind))
-        foreign = 0 if new[FrameKind.DATA] else status.foreign + new[FrameKind.UNKNOWN_ID]
+        unknown = new[FrameKind.UNKNOWN_ID] + new[FrameKind.UNKNOWN_PAGE]
+        foreign = 0 if new[FrameKind.DATA] else status.foreign + unknown
         place = f"on {self._driver.bus.channel}"
         named = f": {misfits}" if misfits else ""
         warnings = {

@@ -120,9 +120,9 @@ BAD_DATABASES = {
         "'gauge_1' of index: expected a float of 16, 32 or 64 bits, found 24",
     ),
     "an empty file": ("", "expected a DBC file, found no messages"),
-    "multiplexed": (
+    "a counter as multiplexer": (
         CLASSIC.replace("gauge_1 :", "gauge_1 m0 :").replace("counter :", "counter M :"),
-        "'gauge_1' of index_a: expected it in every frame, it is multiplexed",
+        "gauges of index_a: expected them in every frame, or behind one multiplexer",
     ),
     **{name: (CLASSIC.replace(old, new), reason) for name, (old, new, reason) in CHANGES.items()},
 }
