@@ -190,7 +190,7 @@ def find_file(folder: Path, name: str) -> Path | None:
 
 
 class Learned(NamedTuple):
-    """What variants of one training recording share.
+    """A scan, and what was learned from it.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ class Learned(NamedTuple):
     learning_s: float
 
 
-def learned_from(folder: Path, passes: str, lines: int, texture: float) -> Learned:
+def learned_from(folder: Path, variant: Variant) -> Learned:
     """Learn from ``train``.
 
     Raises
@@ -219,9 +219,9 @@ def learned_from(folder: Path, passes: str, lines: int, texture: float) -> Learn
     if train is None:
         raise _missing(folder)
     scene = load_scene(folder / "scene.yaml")
-    trained = with_passes(load_recording(train, scene), passes, lines)
+    trained = with_passes(load_recording(train, scene), variant.passes, variant.lines)
     visit_std = np.sqrt(whiten(scan_of(trained, scene), scene, Material.SHEET).noise.variance)
-    scan = scan_of(with_texture(trained, texture * visit_std), scene)
+    scan = scan_of(with_texture(trained, variant.texture * visit_std), scene)
     began = time.process_time()
     calibration = learn(scan, scene)
     learning_s = time.process_time() - began
@@ -232,19 +232,15 @@ def _missing(folder: Path) -> ScanError:
     return ScanError(f"{folder}: expected train.csv[.gz] and test.csv[.gz]")
 
 
-def measure_folder(
-    folder: Path, variant: Variant, configuration: Configuration, seed: int, learned: Learned | None = None
-) -> list[Row]:
-    """The row of one folder, variant and seed; ``learned`` from its ``train``, or ``None``.
+def measure_folder(folder: Path, variant: Variant, configuration: Configuration, seed: int) -> list[Row]:
+    """The row of one folder, variant and seed.
 
     Raises
     ------
     ScanError
         The folder lacks a file, or a file a column.
     """
-    scene, scan, calibration, visit_std, white_std, learning_s = learned or learned_from(
-        folder, variant.passes, variant.lines, variant.texture
-    )
+    scene, scan, calibration, visit_std, white_std, learning_s = learned_from(folder, variant)
     test = find_file(folder, "test")
     if test is None:
         raise _missing(folder)
@@ -295,17 +291,6 @@ def measure_folder(
         row["standard_errors"] |= standard_errors(on_unscanned, foreign)
         row["by_sweep"] |= by_sweep(on_unscanned, foreign)
     return [row]
-
-
-def measure_variants(
-    folder: Path, variants: Sequence[Variant], configuration: Configuration, seed: int
-) -> list[Row]:
-    """The rows of several variants of one folder's tests; what they learn from is that of the first."""
-    first = variants[0]
-    learned = learned_from(folder, first.passes, first.lines, first.texture)
-    return [
-        row for variant in variants for row in measure_folder(folder, variant, configuration, seed, learned)
-    ]
 
 
 def localize(

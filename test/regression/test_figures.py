@@ -9,12 +9,15 @@ figures, write them anew and look at the difference:
 
 import csv
 import os
+from collections.abc import Callable
+from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from recorded import Variant, measure_variants
+from recorded import Variant, measure_folder
 from support.learned import learn_once
 
 from tactile_localizer.core.configuration import Configuration
@@ -34,12 +37,9 @@ NOISY = 10.0
 """Noise of one channel in a row of its own, whose weight the sweep itself has to show."""
 FEW_FIGURES = ("error_mm", "within_10_mm", "converged", "false_sweeps", "false_before", "false_blank")
 IN_FULL = ("cloth", "engine_bump", f"engine_bump_channel_{NOISY:g}", "other_hand_smooth")
-RIGHT_OR_WRONG = (
-    *("channels_32", "materials_hem", "materials_zipper_beyond", "pressed", "quiet", "seam", "taxels_patch"),
-)
-"""Recordings of which only :data:`FEW_FIGURES` are kept."""
-RECORDED = ("materials_hem", "materials_zipper_beyond", "other_hand_smooth", "taxels_patch")
-"""Recordings that are used where they are."""
+"""Recordings of which all figures are kept, where of the others only :data:`FEW_FIGURES` are."""
+LINES = {"materials_hem": 2, "materials_zipper_beyond": 1, "other_hand_smooth": 1, "taxels_patch": 2}
+"""Recordings of ``TACTILE_LOCALIZER_DATA``: every so many-th line is learned, as all take thrice as long."""
 LENGTH, PITCH, NOISE = 0.1, 0.0005, 1.5
 
 
@@ -138,46 +138,52 @@ def write_pressed(folder: Path) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
-    """The row of each recording that is here, by name."""
-    made = tmp_path_factory.mktemp("recordings")
-    variants = [
-        (ENGINE_BUMP, [Variant(), Variant(noisy_channel=NOISY)]),
-        (write_cloth(made / "cloth"), [Variant()]),
-        (write_sheet(made / "seam", 8, 10.0, 1.0, 0.0), [Variant()]),
-        (write_sheet(made / "channels_32", 32, 10.0, 1.0, 0.15), [Variant()]),
-        (write_sheet(made / "quiet", 8, 1.0, 0.002, 0.15), [Variant()]),
-        (write_pressed(made / "pressed"), [Variant()]),
-    ]
-    if directory := os.environ.get("TACTILE_LOCALIZER_DATA"):
-        here = Path(directory)
-        variants[1:1] = [
-            (here / "other_hand_smooth", [Variant()]),
-            (here / "taxels_patch", [Variant(lines=2)]),  # all of them take three times as long
-            (here / "materials_hem", [Variant(lines=2)]),
-            (here / "materials_zipper_beyond", [Variant()]),
-        ]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("recorded.learn", learn_once)
-        rows = {
-            row["folder"] + f"_channel_{NOISY:g}" * (row["channel"] == NOISY): row
-            for each in variants
-            for row in measure_variants(*each, Configuration(), 1)
-        }
+MADE: dict[str, Callable[[Path], Path]] = {
+    "channels_32": partial(write_sheet, channels=32, height=10.0, noise=1.0, slope=0.15),
+    "cloth": write_cloth,
+    "pressed": write_pressed,
+    "quiet": partial(write_sheet, channels=8, height=1.0, noise=0.002, slope=0.15),
+    "seam": partial(write_sheet, channels=8, height=10.0, noise=1.0, slope=0.0),
+}
+"""Functions that write a recording to a folder of its name."""
+
+
+@pytest.fixture
+def measured(
+    recording: str, tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> dict[str, Any]:
+    """The row of a recording."""
+    monkeypatch.setattr("recorded.learn", learn_once)
+    if recording in MADE:
+        folder = MADE[recording](tmp_path / recording)
+    elif recording in LINES:
+        folder = request.getfixturevalue("data_dir") / recording
+    else:
+        folder = ENGINE_BUMP
+    noise = NOISY if recording.endswith(f"_channel_{NOISY:g}") else 0.0
+    variant = Variant(lines=LINES.get(recording, 1), noisy_channel=noise)
+    (row,) = measure_folder(folder, variant, Configuration(), 1)
     if "WRITE_FIGURES" in os.environ:
-        write_figures(rows)
-    return rows
+        write_figures(recording, row)
+    return row
 
 
-def write_figures(rows: dict[str, dict[str, Any]]) -> None:
+def write_figures(recording: str, row: dict[str, Any]) -> None:
+    """Replace the figures of a recording in the table."""
+    kept = [each for each in committed() if each["recording"] != recording]
+    for figure in filter(row.__contains__, FIGURES if recording in IN_FULL else FEW_FIGURES):
+        values = " ".join(f"{value:.4g}" for value in values_of(row, figure))
+        kept.append({"recording": recording, "figure": figure, "values": values})
     with COMMITTED.open("w", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["recording", "figure", "values"])
-        for name in sorted(rows):
-            for figure in filter(rows[name].__contains__, FIGURES if name in IN_FULL else FEW_FIGURES):
-                values = " ".join(f"{value:.4g}" for value in values_of(rows[name], figure))
-                table.writerow([name, figure, values])
+        table = csv.DictWriter(file, ["recording", "figure", "values"], lineterminator="\n")
+        table.writeheader()
+        table.writerows(sorted(kept, key=itemgetter("recording")))
+
+
+def committed() -> list[dict[str, str]]:
+    """The rows of the table."""
+    with COMMITTED.open(newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def values_of(row: dict[str, Any], figure: str) -> list[float]:
@@ -194,19 +200,14 @@ def differs(before: np.ndarray, now: np.ndarray) -> bool:
     return bool(abs(change.mean()) > max(2.0 * error, 0.01 * abs(before[np.isfinite(before)].mean())))
 
 
-@pytest.mark.parametrize("recording", [*IN_FULL, *RIGHT_OR_WRONG])
-def test_figures_are_those_of_the_table(
-    recording: str, measured: dict[str, dict[str, Any]], request: pytest.FixtureRequest
-) -> None:
-    if recording in RECORDED:
-        request.getfixturevalue("data_dir")
-    with COMMITTED.open(newline="") as file:
-        committed = [row for row in csv.DictReader(file) if row["recording"] == recording]
-    assert len(committed) >= (10 if recording in IN_FULL else 4)
+@pytest.mark.parametrize("recording", sorted({*IN_FULL, *MADE, *LINES}))
+def test_figures_are_those_of_the_table(recording: str, measured: dict[str, Any]) -> None:
+    rows = [row for row in committed() if row["recording"] == recording]
+    assert len(rows) >= (10 if recording in IN_FULL else 4)
     differences = []
-    for row in committed:
+    for row in rows:
         before = np.array(row["values"].split(), dtype=float)
-        now = np.array(values_of(measured[recording], row["figure"]))
+        now = np.array(values_of(measured, row["figure"]))
         if differs(before, now):
             differences.append(
                 f"{row['figure']}: expected {before.mean():.4g}, found {now.mean():.4g}: {now}"
