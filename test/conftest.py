@@ -76,12 +76,13 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _learned_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Commands learn from each scan once in a run, all workers together; see :mod:`support.learned`."""
+def _learned_once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Commands learn from each scan once, until the code that learns changes; see :mod:`support.learned`."""
     from support import learned
 
-    own = tmp_path_factory.getbasetemp()
-    learned.keep_in((own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "learned")
+    cache = request.config.cache  # of all workers
+    name = f"learned-{learned.version()}"
+    learned.keep_in(cache.mkdir(name) if cache else tmp_path_factory.mktemp(name))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tactile_localizer.io.scans.learned.learn", learned.learn_once)
         yield

@@ -39,6 +39,8 @@ SCAN_SWEEPS = 2 * TRAINING_SWEEPS
 _TIMEOUT_S = 300.0
 """Time limit for a start, a sweep or loading the scan, counted from the last report of progress, s."""
 _POLL_S = 0.02
+_SHOWN = 7
+"""Number of training sweeps per line of progress."""
 _SLOWER = ((2.0, 16.0), (0.1, 4.0))
 """Age on receipt of a message, s, from which the hand is slowed down, and by how much."""
 _SLOWEST = 0.5
@@ -279,9 +281,11 @@ def record_session(
         operator.until(lambda: int(operator.values("tactile_mapping: scan")["poses"]), "poses in the mapping")
         dropped, operator.lost = _dropped(operator), 0
         say(f"scanning: {SCAN_SWEEPS} sweeps, two along each line")
-        for _ in range(SCAN_SWEEPS):
+        for number in range(1, SCAN_SWEEPS + 1):
             operator.sweep(Trigger, "tactile_mapping/start_sweep")
             operator.call(Trigger, "tactile_mapping/end_sweep")
+            if number % _SHOWN == 0:
+                say(f"scanned {number} of {SCAN_SWEEPS}")
         require_sweeps(scan, SCAN_SWEEPS)
         say("loading the scan")
         nodes.start("filter", received)

@@ -22,16 +22,32 @@ COMMAND = (
 )
 
 
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with ``test.csv`` of three sweeps, and ``bump_scan``, learned, of a scene without a region."""
+    folder = tmp_path_factory.mktemp("tradeoff")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(learned, "learn", lambda *_: CALIBRATION)
+        assert main(["simulate", "bump", "--test", "3", "-o", "."]) == 0
+        scene = replace(load_scene(resource_path("config/scenes/bump.yaml")), feature=None)
+        save_scene(scene, "scene.yaml")
+        assert main(["import", "csv", "train.csv", "--scene", "scene.yaml", "-o", "bump_scan"]) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(files: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder :func:`files` as working directory; its calibration is stored."""
+    monkeypatch.chdir(files)
+    monkeypatch.setattr(learned, "learn", None)
+    return files
+
+
 @pytest.mark.slow
 def test_configurations_are_compared_on_an_own_scan_without_a_region(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(learned, "learn", lambda *_: CALIBRATION)
-    assert main(["simulate", "bump", "--test", "2", "-o", "."]) == 0
-    save_scene(replace(load_scene(resource_path("config/scenes/bump.yaml")), feature=None), "scene.yaml")
-    assert main(["import", "csv", "train.csv", "--scene", "scene.yaml", "-o", "bump_scan"]) == 0
-    capsys.readouterr()
     names = Path("test.csv").read_text().partition("\n")[0].split(",")
     rows = np.loadtxt("test.csv", delimiter=",", skiprows=1)
     poses = [names.index(name) for name in ("stamp_s", "x", "y")]
@@ -52,19 +68,14 @@ def test_configurations_are_compared_on_an_own_scan_without_a_region(
     assert [one["verdict"]["right"] for one in document["candidates"]] == [2, 2]
     assert Path("tradeoff/tradeoff.png").stat().st_size > 10_000
     assert main(["replay", "test.csv", "--scan", "bump_scan", "--config", "tradeoff/configuration.yaml"]) == 0
-    monkeypatch.setattr(learned, "learn", None)  # the calibration is stored
     assert main(f"{COMMAND} --target-mm 1e-9".split()) == 1
     assert "none; nearest is" in capsys.readouterr().out
 
 
 @pytest.mark.slow
 def test_two_workers_of_which_one_is_killed_find_what_one_process_finds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(learned, "learn", lambda *_: CALIBRATION)
-    assert main(["simulate", "bump", "--test", "3", "-o", "."]) == 0
-    assert main(["import", "csv", "train.csv", "--scene", "bump.yaml", "-o", "bump_scan"]) == 0
     header, *rows = Path("test.csv").read_text().splitlines(keepends=True)
     for sweep in range(3):
         own = [row for row in rows if row.split(",")[1] == str(sweep)]
@@ -76,7 +87,7 @@ def test_two_workers_of_which_one_is_killed_find_what_one_process_finds(
     )
     assert main([*command.split(), "-o", "here"]) == 0
     steps: list[float] = []
-    with cluster_of(2, tmp_path) as cluster:
+    with cluster_of(2, folder) as cluster:
 
         @contextmanager
         def progress() -> Iterator[Callable[[str, float], None]]:

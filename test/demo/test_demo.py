@@ -153,6 +153,7 @@ def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     demo = process([*command, "--sweeps", "3"])
     status = demo.wait(timeout_s=600.0)
     steps, replayed = demo.output.split("$ tactile-localizer replay ")
+    assert f"scanned 7 of {LINES}" in steps
     assert "sweep  3: " in steps
     if "recorded: 3 sweeps, 0 frames lost" not in steps:
         raise StarvedError(demo.output)

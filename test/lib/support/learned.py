@@ -1,14 +1,17 @@
-"""Each scan is learned from once in a run of the tests, whichever of them need it, by all workers together.
+"""Each scan is learned from once, whichever tests need it, in all workers and runs with the same code.
 
 A test of learning itself calls :func:`tactile_localizer.core.factory.learn`.
 """
 
 import fcntl
+import hashlib
 import pickle
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import scipy
 
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.factory import learn
@@ -16,13 +19,21 @@ from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
+_PACKAGE = Path(__file__).parents[3] / "tactile_localizer"
 _folder = Path()
 
 
+def version() -> str:
+    """Digest of what a calibration depends on besides scan and scene: the code that learns, its libraries."""
+    digest = hashlib.sha256(f"{sys.version} {np.__version__} {scipy.__version__}".encode())
+    for path in sorted([*_PACKAGE.glob("*.py"), *_PACKAGE.glob("core/**/*.py")]):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
 def keep_in(folder: Path) -> None:
-    """Keep what is learned in a folder of this run of the tests."""
-    global _folder  # noqa: PLW0603 - one run has one
-    folder.mkdir(exist_ok=True)
+    """Keep what is learned in a folder."""
+    global _folder  # noqa: PLW0603 - one process has one
     _folder = folder
 
 
@@ -33,10 +44,10 @@ def learn_once(scan: Scan, scene: Scene, progress: Callable[[str, float], None] 
         fcntl.flock(file, fcntl.LOCK_EX)
         file.seek(0)
         if content := file.read():
-            calibration: Calibration = pickle.loads(content)  # noqa: S301 - this run wrote it
+            calibration: Calibration = pickle.loads(content)  # noqa: S301 - the tests wrote it
             return calibration
         calibration = learn(scan, scene, progress)
-        pickle.dump(calibration, file)
+        file.write(pickle.dumps(calibration))
     return calibration
 
 
