@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tactile_localizer.core.calibration.examination import Examination, Outcome, by_chance
+from tactile_localizer.core.calibration.examination import Examination, by_chance
+from tactile_localizer.core.calibration.trials import Outcome
 from tactile_localizer.errors import counted, listed
 from tactile_localizer.offline.axes import MM, describe_sizes
 from tactile_localizer.scene import Scene

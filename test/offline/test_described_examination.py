@@ -4,7 +4,8 @@ import re
 
 import pytest
 
-from tactile_localizer.core.calibration.examination import Examination, Outcome
+from tactile_localizer.core.calibration.examination import Examination
+from tactile_localizer.core.calibration.trials import Outcome
 from tactile_localizer.offline.examination import describe_examination, examination_findings
 from tactile_localizer.scene import Axis, Phalanx, Scene
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tactile_localizer.core.calibration.examination import Outcome
+from tactile_localizer.core.calibration.trials import Outcome
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.scene import Scene
 

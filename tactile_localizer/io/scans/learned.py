@@ -19,7 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactile_localizer.core.calibration.calibration import Calibration
-from tactile_localizer.core.calibration.examination import Examination, Outcome
+from tactile_localizer.core.calibration.examination import Examination
+from tactile_localizer.core.calibration.trials import Outcome
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.factory import assemble, build_localizer, learn, prepare
 from tactile_localizer.core.likelihood.material import Material

@@ -13,13 +13,11 @@ from tactile_localizer.core.calibration import examination as module
 from tactile_localizer.core.calibration.examination import (
     UNEXAMINED,
     Examination,
-    Outcome,
-    _HeldOut,
-    _Trial,
     by_chance,
     examine,
 )
 from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
+from tactile_localizer.core.calibration.trials import HeldOut, Outcome, Trial
 from tactile_localizer.core.factory import learn
 from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.likelihood.material import Material
@@ -115,7 +113,7 @@ def without_localizing(models: list[SweepModel]) -> tuple[Material, Examination]
 
 
 def outcome(
-    trial: _Trial, score: float = 0.0, wrong: bool = False, y: float = 0.0, right: bool = True
+    trial: Trial, score: float = 0.0, wrong: bool = False, y: float = 0.0, right: bool = True
 ) -> Outcome:
     """Of a trial, with a score along ``y`` alone."""
     axes, none = (0.0, y) if trial.on_map else (), (0.0, 0.0)
@@ -134,13 +132,13 @@ def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.M
     )
     places: list[float] = []
 
-    def localized(trial: _Trial, _: float) -> Outcome:
+    def localized(trial: Trial, _: float) -> Outcome:
         if trial.on_map:
             places.append(float(trial.sweep.positions[0, 1]))
             assert trial.sweep.number in both.sweep_numbers
         return outcome(trial)
 
-    monkeypatch.setattr(module, "_localize", localized)
+    monkeypatch.setattr(Trial, "localize", localized)
     learn(both, SHEET)
     assert len(set(places)) == len(one.sweep_numbers)
 
@@ -153,12 +151,12 @@ def test_a_length_with_more_false_claims_than_chance_is_not_chosen(
     made, claims = Counter[tuple[Material, float]](), more + by_chance(2 * module._TRIALS)
     score = {0.0017: -0.9, 0.003: -1.0, 0.005: -1.1}
 
-    def localized(trial: _Trial, length: float) -> Outcome:
+    def localized(trial: Trial, length: float) -> Outcome:
         each = trial.localizer.model.material, length
         made[each] += 1
         return outcome(trial, score.get(length, -5.0), length < 0.004 and made[each] <= claims)
 
-    monkeypatch.setattr(module, "_localize", localized)
+    monkeypatch.setattr(Trial, "localize", localized)
     assert without_localizing(models)[1].information_length == chosen
 
 
@@ -169,26 +167,27 @@ def test_where_an_axis_is_known_no_better_than_by_ignorance_least_is_claimed(
     """Also if the whole is worse than ignorance of the place, because the map is doubted."""
     ignorance = np.log(0.015 / SHEET.extent[1])
     monkeypatch.setattr(
-        module, "_localize", lambda trial, length: outcome(trial, -5.0 - length, y=y * ignorance)
+        Trial, "localize", lambda trial, length: outcome(trial, -5.0 - length, y=y * ignorance)
     )
     assert without_localizing(models)[1].information_length == chosen
 
 
-def test_only_where_a_length_may_be_the_best_all_is_tried(
+def test_only_where_a_kind_and_a_length_may_be_the_best_all_is_tried(
     monkeypatch: pytest.MonkeyPatch, models: list[SweepModel]
 ) -> None:
     made = Counter[tuple[Material, float, bool]]()
 
-    def localized(trial: _Trial, length: float) -> Outcome:
+    def localized(trial: Trial, length: float) -> Outcome:
         kind = trial.localizer.model.material
         made[kind, length, trial.on_map] += 1
         return outcome(trial, -1.0 - abs(length - UNEXAMINED) - (kind is Material.CLOTH))
 
-    monkeypatch.setattr(module, "_localize", localized)
+    monkeypatch.setattr(Trial, "localize", localized)
     _, examination = without_localizing(models)
     few, every, shorter, longer = module._FEW, module._TRIALS, 0.005, 0.015
     assert made == {
-        **{(kind, each, True): few for kind in Material for each in (shorter, UNEXAMINED, longer)},
+        (Material.CLOTH, UNEXAMINED, True): few,
+        **{(Material.SHEET, each, True): few for each in (shorter, longer)},
         **{(Material.SHEET, UNEXAMINED, on_map): every for on_map in (True, False)},
     }
     assert len(examination.on_map) == len(examination.off_map) == every
@@ -217,14 +216,14 @@ def test_of_two_kinds_with_like_scores_the_one_with_more_sweeps_right_is_chosen(
     """Scores of cloth are ``better``, and one more or less: their mean has a standard error of 0.14."""
     made = Counter[Material]()
 
-    def localized(trial: _Trial, length: float) -> Outcome:
+    def localized(trial: Trial, length: float) -> Outcome:
         kind, score = trial.localizer.model.material, -5.0 - 9.0 * (length != UNEXAMINED)
         if trial.on_map and kind is Material.CLOTH:
             made[kind] += 1
             score += better + (-1.0) ** made[kind]
         return outcome(trial, score, right=right in (kind, None))
 
-    monkeypatch.setattr(module, "_localize", localized)
+    monkeypatch.setattr(Trial, "localize", localized)
     assert without_localizing(models)[0] is chosen
 
 
@@ -267,10 +266,10 @@ def test_right_is_right_at_the_end_and_never_wrong(claims: list[tuple[bool, floa
     claims = [claim for claim in claims for _ in range(4)]
     count, rest = len(claims), (np.ones(1, dtype=bool), np.zeros(2), 0.0)
     positions = 0.001 * np.arange(1.0, count + 1)[:, None]
-    trial = _Trial(_HeldOut(3, 0, positions, np.zeros((count, 2))), True, ByHand(claims))  # type: ignore[arg-type]
+    trial = Trial(HeldOut(3, 0, positions, np.zeros((count, 2))), True, ByHand(claims))  # type: ignore[arg-type]
     step = Measurement(np.zeros(2), np.array([0.001]), 0.001, np.zeros(1), *rest)
     trial.__dict__["measurements"] = [(row, step) for row in range(count)]
-    found = module._localize(trial, 0.005)
+    found = trial.localize(0.005)
     assert [found.right, found.wrong, found.lost] == [name == each for each in ("right", "wrong", "lost")]
     assert found.converged == (name != "never")
     assert found.error == pytest.approx((claims[-1][1],))

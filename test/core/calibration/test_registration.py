@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from support.scans import slides
 
-from tactile_localizer.core.calibration.examination import Outcome
 from tactile_localizer.core.calibration.registration import registration_std
+from tactile_localizer.core.calibration.trials import Outcome
 from tactile_localizer.core.factory import learn
 from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.core.scan.scan import Scan

@@ -5,7 +5,8 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Rectangle
 
-from tactile_localizer.core.calibration.examination import Examination, Outcome
+from tactile_localizer.core.calibration.examination import Examination
+from tactile_localizer.core.calibration.trials import Outcome
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import make_map
 from tactile_localizer.offline.figures.examination import held_out_figure

@@ -1,0 +1,267 @@
+"""Held-out sweeps of a scan, or parts of them, each localized on a map without it.
+
+Sweeps on the map show how well a hand is localized. Parts of sweeps on a map of which their surroundings are
+left out are other material of the same kind: there every claim is false.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_localizer.core.calibration.sweep_model import SweepModel
+from tactile_localizer.core.geometry.motion import MotionModel, levers
+from tactile_localizer.core.geometry.surroundings import surroundings
+from tactile_localizer.core.hypotheses.convergence import probability_within
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.measurements import Measurement
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tracks import Tracks, evenly
+from tactile_localizer.scene import Scene
+
+_SWEEPS = 24
+"""Most sweeps that are held out."""
+_MAPS = 6
+"""Maps without a sweep; of more sweeps, two that are far from each other are left out of one."""
+_LEAST_STRAINS = 10
+"""Strains of a part of a sweep that is localized."""
+_EACH = 4
+"""Measurement updates from one that is scored to the next."""
+LEAST_PROBABILITY = 0.005
+"""Least probability that is scored: a belief that gives less to the truth is wrong, how much less says
+nothing of others."""
+_ALIKE = 0.25
+"""Part of the belief that is elsewhere, from which another place feels alike."""
+_PERIOD_NS = 10_000_000
+"""Time between two strains, ns: so slow that each update distance leads to a measurement update."""
+
+Build = Callable[[SweepModel, Scene], Localizer]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a held-out sweep, or a part of one, was localized.
+
+    Parameters
+    ----------
+    sweep : its number in the scan
+    on_map : whether its surroundings are on the map
+    score : mean logarithm of the probability given to the truth
+    right, wrong, converged : converged and right at its end, and never wrong; ever converged and wrong; ever
+        converged
+    error : (d,) distance of the last estimate from the truth along each axis, m (yaw: rad)
+    spread : (d,) its standard deviation along each axis without the registration error, m (yaw: rad)
+    axes : (d,) score along each axis alone, over the second half of the way; empty if not on the map
+    alike : (d,) m (yaw: rad), from the truth to another place that is as probable at its end; empty: none
+    """
+
+    sweep: int
+    on_map: bool
+    score: float
+    right: bool
+    wrong: bool
+    converged: bool
+    error: tuple[float, ...]
+    spread: tuple[float, ...]
+    axes: tuple[float, ...] = ()
+    alike: tuple[float, ...] = ()
+
+    @property
+    def lost(self) -> bool:
+        """Whether it converged, was never wrong, and is not right at its end."""
+        return self.converged and not self.wrong and not self.right
+
+
+class HeldOut(NamedTuple):
+    """A sweep that is held out: its number, its track, and its n positions (n, d) and strains (n, C)."""
+
+    number: int
+    track: int
+    positions: np.ndarray
+    strain: np.ndarray
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A held-out sweep, or a part of it, and a localizer that does not know it."""
+
+    sweep: HeldOut
+    on_map: bool
+    localizer: Localizer
+
+    @cached_property
+    def measurements(self) -> list[tuple[int, Measurement]]:
+        """What the localizer takes in, with the noise of odometry: row of the sweep and measurement."""
+        localizer, (_, track, positions, strains) = self.localizer, self.sweep
+        scene, taken = localizer.scene, localizer.measurements
+        rng = np.random.default_rng(track)
+        steps = rng.standard_normal(positions.shape) * scene.motion_std
+        odometry = positions + np.cumsum(steps * np.sqrt(_travels(positions, scene))[:, None], axis=0)
+        present, found = np.ones(len(scene.phalanges), dtype=bool), []
+        taken.reset()
+        for row, (place, strain) in enumerate(zip(odometry, strains, strict=True)):
+            measurement = taken.observe((1 + row) * _PERIOD_NS, place, strain, present)
+            if measurement is not None:
+                found.append((row, measurement))
+        return found
+
+    def localize(self, information_length: float) -> Outcome:
+        """How it is localized, scoring what is published of the truth."""
+        localizer, (number, _, positions, _) = self.localizer, self.sweep
+        scene, radius, motion = localizer.scene, localizer.criteria.radius, MotionModel(localizer.scene)
+        localizer.reset()
+        localizer.information_length = information_length
+        score: list[float] = []
+        along: list[tuple[float, np.ndarray]] = []
+        right = wrong = converged = False
+        travel, away, variance = 0.0, np.zeros(scene.dimension), np.square(scene.extent)
+        for count, (row, measurement) in enumerate(self.measurements, 1):
+            belief = localizer.measure(measurement)
+            travel += measurement.travel
+            away = motion.displacement(positions[row], belief.mean + measurement.pending)
+            variance = belief.covariance.diagonal()
+            near = self.on_map and float(np.square(away / radius).sum()) <= 1.0
+            right, wrong = localizer.converged and near, wrong or (localizer.converged and not near)
+            converged = converged or localizer.converged
+            truth = positions[row] - measurement.pending
+            if count % _EACH == 0:
+                score.append(math.log(max(_probability(self, truth), LEAST_PROBABILITY)))
+                if self.on_map:
+                    along.append((travel, _along_axes(localizer, truth)))
+        second_half = [axes for there, axes in along if 2.0 * there >= travel]
+        axes = (
+            np.mean(second_half, axis=0)
+            if second_half
+            else np.log(np.full(scene.dimension * self.on_map, LEAST_PROBABILITY))
+        )
+        return Outcome(
+            number,
+            self.on_map,
+            float(np.mean(score)) if score else 0.0,
+            bool(right and not wrong),
+            bool(wrong),
+            bool(converged),
+            tuple(np.abs(away).tolist()),
+            tuple(np.sqrt(np.maximum(variance, 0.0)).tolist()),
+            tuple(axes.tolist()),
+            _place_alike(localizer, truth) if self.on_map else (),
+        )
+
+
+def held_out(scan: Scan, tracks: Tracks) -> list[HeldOut]:
+    """Sweeps that are spread across the scan."""
+    positions, strain = scan.positions_on(tracks.scene), scan.strain_on(tracks.scene)
+    order = _across(tracks)
+    inner = order[1:-1] if len(order) > 4 else order  # the outermost lie beside the map of the others
+    found = []
+    for place in evenly(len(inner), _SWEEPS):
+        track = int(inner[place])
+        number = int(scan.sweep_numbers[track])  # others may have been dropped before it
+        own = scan.sweep == number
+        found.append(HeldOut(number, track, positions[own], strain[own]))
+    return found
+
+
+def _turns(trials: int, sweeps: int, rng: np.random.Generator) -> list[tuple[int, int]]:
+    """For each trial which of the ``sweeps`` is localized, and in which of two ways, each in turn."""
+    order = rng.permutation(sweeps)
+    numbers = [divmod(trial, sweeps) for trial in range(trials)]
+    return [(int(order[which]), (which + again) % 2) for again, which in numbers]
+
+
+def trials_on_map(count: int, model: SweepModel, build: Build, sweeps: Sequence[HeldOut]) -> Iterator[Trial]:
+    """``count`` sweeps from their start or from further on, each on the map without it."""
+    rng = np.random.default_rng(0)
+    tracks, out = model.scan.tracks, [sweep.track for sweep in sweeps]
+    maps = [
+        build(model.part(~np.isin(tracks.number, out[first::_MAPS])), tracks.scene)
+        for first in range(min(_MAPS, len(sweeps)))
+    ]
+    for which, begins_late in _turns(count, len(sweeps), rng):
+        begin = rng.uniform(0.15, 0.6) if begins_late else 0.0
+        part = _part(sweeps[which], np.arange(len(sweeps[which].positions)), begin, tracks.scene)
+        yield Trial(part, True, maps[which % len(maps)])
+
+
+def trials_off_map(count: int, model: SweepModel, build: Build, sweeps: Sequence[HeldOut]) -> Iterator[Trial]:
+    """``count`` parts of sweeps in one half of the map, each on the other half."""
+    rng = np.random.default_rng(1)
+    tracks = model.scan.tracks
+    extent = np.array([np.ptp(tracks.positions[own], axis=0) for own in tracks.slices]) * levers(tracks.scene)
+    along = int(np.median(extent, axis=0).argmax())
+    middle = 0.5 * float(tracks.positions[:, along].min() + tracks.positions[:, along].max())
+    localizers = []
+    for side in (False, True):
+        kept = (tracks.positions[:, along] > middle) == side
+        if kept.any() and not kept.all():
+            within = surroundings(tracks.scene, tracks.positions[kept])
+            localizers.append((side, build(model.part(kept), within)))
+    if not localizers:
+        return
+    for which, way in _turns(count, len(sweeps), rng):
+        side, localizer = localizers[way % len(localizers)]
+        rows = np.flatnonzero((sweeps[which].positions[:, along] > middle) != side)
+        begin = rng.uniform(0.0, 0.5)
+        if len(rows):
+            part = _part(sweeps[which], rows, begin, tracks.scene)
+            if len(part.positions) >= _LEAST_STRAINS:
+                yield Trial(part, False, localizer)
+
+
+def _part(sweep: HeldOut, rows: np.ndarray, begin: float, scene: Scene) -> HeldOut:
+    """A sweep's ``rows`` (n,) after a part ``begin`` of the way.
+
+    A hand that rests, as after a sweep until it is ended, is on no way.
+    """
+    motion, positions = MotionModel(scene), sweep.positions[rows]
+    farthest = np.maximum.accumulate(motion.travels(motion.displacement(positions[0], positions)))
+    on_the_way = np.flatnonzero(np.diff(farthest, prepend=-1.0) > 0.0)
+    rows = rows[on_the_way[int(begin * len(on_the_way))] :]
+    return sweep._replace(positions=sweep.positions[rows], strain=sweep.strain[rows])
+
+
+def _across(tracks: Tracks) -> np.ndarray:
+    """Tracks (S,) in the order of their mean positions along the axis on which these differ most."""
+    means = np.array([tracks.positions[own].mean(axis=0) for own in tracks.slices]) * levers(tracks.scene)
+    return means[:, np.ptp(means, axis=0).argmax()].argsort(kind="stable")
+
+
+def _travels(positions: np.ndarray, scene: Scene) -> np.ndarray:
+    """Travel (n,) to each of positions (n, d) from the one before it, m."""
+    motion = MotionModel(scene)
+    return motion.travels(motion.wrapped(np.diff(positions, axis=0, prepend=positions[:1])))
+
+
+def _probability(trial: Trial, truth: np.ndarray) -> float:
+    """What the localizer gives to the truth: being on the map and near it, or not being on the map."""
+    localizer = trial.localizer
+    if not trial.on_map:
+        return 1.0 - localizer.explanations.on_map
+    states, weights = localizer.hypotheses()
+    away = MotionModel(localizer.scene).displacement(truth, states)
+    radius, variance = localizer.criteria.radius, localizer.registration_variance
+    return localizer.explanations.tracked * probability_within(away, weights, radius, variance)
+
+
+def _place_alike(localizer: Localizer, truth: np.ndarray) -> tuple[float, ...]:
+    """Displacement (d,) from the truth to the most probable place beyond twice the radius, m (yaw: rad).
+
+    Empty where less than :data:`_ALIKE` of the belief is there.
+    """
+    states, weights = localizer.hypotheses()
+    away = MotionModel(localizer.scene).displacement(truth, states)
+    there = weights * (np.square(away / localizer.criteria.radius).sum(axis=1) > 4.0)
+    return tuple(away[there.argmax()].tolist()) if there.sum() > _ALIKE else ()
+
+
+def _along_axes(localizer: Localizer, truth: np.ndarray) -> np.ndarray:
+    """Logarithms (d,) of the belief within the radius of the truth along each axis alone."""
+    states, weights = localizer.hypotheses()
+    away = MotionModel(localizer.scene).displacement(truth, states)
+    near = weights @ (np.abs(away) <= localizer.criteria.radius)
+    return np.asarray(np.log(np.maximum(near, LEAST_PROBABILITY)))
