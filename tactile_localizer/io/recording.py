@@ -106,12 +106,14 @@ class Recording:
     sweeps : in the order of the source, with the axes and phalanges of the scene that it was read for
     notes : one line for each part of the source that was skipped
     lost : number of samples of the source that could not be read; the notes say why
+    sessions : numbers of the sweeps with which its sessions begin; empty: one session
     """
 
     source: str
     sweeps: tuple[RecordedSweep, ...]
     notes: tuple[str, ...] = ()
     lost: int = 0
+    sessions: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return sum(map(len, self.sweeps))
@@ -125,15 +127,21 @@ class Recording:
 def join(recordings: Sequence[Recording]) -> Recording:
     """Concatenate the sweeps of recordings; a sweep whose number is in use gets the next free number.
 
+    Each is a session, unless one of them is a single sweep: then they may be the strokes of one.
+
     Parameters
     ----------
     recordings : at least one, all with the same axes, phalanges and channels
     """
+    sweeps = numbered_apart(sweep for recording in recordings for sweep in recording.sweeps)
+    counts = [len(recording.sweeps) for recording in recordings]
+    begins = np.cumsum([0, *counts[:-1]]).tolist() if len(counts) > 1 and min(counts) > 1 else []
     return Recording(
         source=", ".join(recording.source for recording in recordings),
-        sweeps=tuple(numbered_apart(sweep for recording in recordings for sweep in recording.sweeps)),
+        sweeps=tuple(sweeps),
         notes=tuple(note for recording in recordings for note in recording.notes),
         lost=sum(recording.lost for recording in recordings),
+        sessions=tuple(sweeps[first].number for first in begins),
     )
 
 
@@ -274,6 +282,7 @@ def scan_of(recording: Recording, scene: Scene) -> Scan:
         axes=scene.axis_names,
         phalanges=scene.phalanx_names,
         channels=scene.layout.counts,
+        sessions=recording.sessions,
     )
 
 

@@ -39,10 +39,13 @@ def describe_examination(scene: Scene, examination: Examination) -> list[str]:
             "as on material that was not scanned: "
             f"{wrong} converged{', which is wrong' * (wrong > 0)}"
         )
-    lines.append(
-        "all of this holds for the grip and the day of the scan: to see what another force or another day "
-        "costs, replay sweeps that were recorded so"
-    )
+    if others := [each for each in on_map if each.other_session]:
+        right = sum(each.right for each in others)
+        lines.append(f"{_trials(others)} of them on a map of other sessions: {right} right at the end")
+    else:
+        lines.append(
+            "nothing is known of another force or another day: scan some lines again so, in another session"
+        )
     lines.append(
         f"{_probabilities(examination)}; one independent measurement per "
         f"{examination.information_length * MM:.1f} mm of travel"

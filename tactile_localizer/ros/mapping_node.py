@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.errors import ParameterError, ScanError, TactileLocalizerError, counted
-from tactile_localizer.io.scans.folder import STRAIN_DELAY, ScanFolder
+from tactile_localizer.io.scans.folder import SESSIONS, STRAIN_DELAY, ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
 from tactile_localizer.io.scans.sweep_files import OpenSweep
@@ -100,7 +100,8 @@ class MappingNode(ManagedNode):
         self.defer(store.close)
         self._recorder = SweepRecorder(store, self._detector(), self._coverage, self._publish_status)
         delay = {STRAIN_DELAY: parameters["strain_delay_s"]} if parameters["strain_delay_s"] else {}
-        store.note("record", node=self.get_fully_qualified_name(), **delay)
+        sessions = {SESSIONS: [store.last_number + 1]}
+        store.note("record", node=self.get_fully_qualified_name(), **sessions, **delay)
         self._status = self.create_lifecycle_publisher(ScanStatus, "~/status", _STATUS_QOS)
         self._health = DiagnosticsPublisher(self)
         self._map = MapPublisher(self, parameters["material_frame"])

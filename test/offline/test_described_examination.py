@@ -1,6 +1,7 @@
 """The examination of a scan in words."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -33,12 +34,19 @@ def test_what_to_expect_is_said() -> None:
         "mean error of those that are right: x 1.00 mm, y 2.00 mm",
         "12 parts of 6 sweeps, each on a map without its surroundings, as on material that was not scanned: "
         "1 converged, which is wrong",
-        "all of this holds for the grip and the day of the scan: to see what another force or another day "
-        "costs, replay sweeps that were recorded so",
+        "nothing is known of another force or another day: scan some lines again so, in another session",
         "probability of the true place 0.37 on average (a blind guess: 0.05, certainty: 1); "
         "one independent measurement per 3.0 mm of travel",
     ]
     assert describe_examination(SCENE, Examination()) == []
+
+
+def test_what_another_session_costs_is_said() -> None:
+    found = examination()
+    of_another = replace(found, outcomes=tuple(replace(each, other_session=True) for each in found.outcomes))
+    lines = describe_examination(SCENE, of_another)
+    assert "6 sweeps of them on a map of other sessions: 6 right at the end" in lines
+    assert not any("nothing is known" in line for line in lines)
 
 
 @pytest.mark.parametrize(

@@ -126,7 +126,7 @@ def examine(
     tracks = models[0].scan.tracks
     if len(tracks) < 2:
         return 0, Examination()
-    sweeps, done = held_out(scan, tracks), 0
+    sweeps, done = held_out(scan, tracks, models[0].scan.spacing), 0
 
     def report() -> None:
         nonlocal done

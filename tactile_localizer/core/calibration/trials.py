@@ -1,7 +1,9 @@
 """Held-out sweeps of a scan, or parts of them, each localized on a map without it.
 
-Sweeps on the map show how well a hand is localized. Parts of sweeps on a map of which their surroundings are
-left out are other material of the same kind: there every claim is false.
+Sweeps on the map show how well a hand is localized. Where others were scanned on the same way in another
+session, with another grip or on another day, the map is without all of the sweep's session. Parts of sweeps
+on a map of which their surroundings are left out are other material of the same kind: there every claim is
+false.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from tactile_localizer.core.hypotheses.convergence import probability_within
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.measurements import Measurement
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.core.scan.tracks import Tracks, evenly
+from tactile_localizer.core.scan.tracks import PITCH, Tracks, evenly
 from tactile_localizer.scene import Scene
 
 _SWEEPS = 24
@@ -58,6 +60,7 @@ class Outcome:
     spread : (d,) its standard deviation along each axis without the registration error, m (yaw: rad)
     axes : (d,) score along each axis alone, over the second half of the way; empty if not on the map
     alike : (d,) m (yaw: rad), from the truth to another place that is as probable at its end; empty: none
+    other_session : whether its map is of other sessions
     """
 
     sweep: int
@@ -70,6 +73,7 @@ class Outcome:
     spread: tuple[float, ...]
     axes: tuple[float, ...] = ()
     alike: tuple[float, ...] = ()
+    other_session: bool = False
 
     @property
     def lost(self) -> bool:
@@ -78,12 +82,20 @@ class Outcome:
 
 
 class HeldOut(NamedTuple):
-    """A sweep that is held out: its number, its track, and its n positions (n, d) and strains (n, C)."""
+    """A sweep that is held out.
+
+    Parameters
+    ----------
+    number, track : of the sweep
+    positions, strain : (n, d) and (n, C), of its samples
+    session : (S,) bool, tracks of its session, if others lie on its way
+    """
 
     number: int
     track: int
     positions: np.ndarray
     strain: np.ndarray
+    session: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -93,11 +105,12 @@ class Trial:
     sweep: HeldOut
     on_map: bool
     localizer: Localizer
+    other_session: bool = False
 
     @cached_property
     def measurements(self) -> list[tuple[int, Measurement]]:
         """What the localizer takes in, with the noise of odometry: row of the sweep and measurement."""
-        localizer, (_, track, positions, strains) = self.localizer, self.sweep
+        localizer, (_, track, positions, strains, _) = self.localizer, self.sweep
         scene, taken = localizer.scene, localizer.measurements
         rng = np.random.default_rng(track)
         steps = rng.standard_normal(positions.shape) * scene.motion_std
@@ -112,7 +125,7 @@ class Trial:
 
     def localize(self, information_length: float) -> Outcome:
         """How it is localized, scoring what is published of the truth."""
-        localizer, (number, _, positions, _) = self.localizer, self.sweep
+        localizer, (number, _, positions, *_) = self.localizer, self.sweep
         scene, radius, motion = localizer.scene, localizer.criteria.radius, MotionModel(localizer.scene)
         localizer.reset()
         localizer.information_length = information_length
@@ -150,11 +163,12 @@ class Trial:
             tuple(np.sqrt(np.maximum(variance, 0.0)).tolist()),
             tuple(axes.tolist()),
             _place_alike(localizer, truth) if self.on_map else (),
+            self.other_session,
         )
 
 
-def held_out(scan: Scan, tracks: Tracks) -> list[HeldOut]:
-    """Sweeps that are spread across the scan."""
+def held_out(scan: Scan, tracks: Tracks, spacing: float) -> list[HeldOut]:
+    """Sweeps that are spread across the scan, whose lines are ``spacing`` metres apart."""
     positions, strain = scan.positions_on(tracks.scene), scan.strain_on(tracks.scene)
     order = _across(tracks)
     inner = order[1:-1] if len(order) > 4 else order  # the outermost lie beside the map of the others
@@ -163,8 +177,16 @@ def held_out(scan: Scan, tracks: Tracks) -> list[HeldOut]:
         track = int(inner[place])
         number = int(scan.sweep_numbers[track])  # others may have been dropped before it
         own = scan.sweep == number
-        found.append(HeldOut(number, track, positions[own], strain[own]))
+        session = _session(scan, tracks, track, spacing) if scan.sessions else None
+        found.append(HeldOut(number, track, positions[own], strain[own], session))
     return found
+
+
+def _session(scan: Scan, tracks: Tracks, track: int, spacing: float) -> np.ndarray | None:
+    """Tracks (S,) bool of the session of one of them; ``None``: those of no other session lie on its way."""
+    own, way = scan.session == scan.session[track], tracks.positions[tracks.slices[track]]
+    away = tracks.nearest(way, np.flatnonzero(~own), 1)[0]
+    return own if away.mean() <= max(spacing, PITCH) else None
 
 
 def _turns(trials: int, sweeps: int, rng: np.random.Generator) -> list[tuple[int, int]]:
@@ -177,15 +199,19 @@ def _turns(trials: int, sweeps: int, rng: np.random.Generator) -> list[tuple[int
 def trials_on_map(count: int, model: SweepModel, build: Build, sweeps: Sequence[HeldOut]) -> Iterator[Trial]:
     """``count`` sweeps from their start or from further on, each on the map without it."""
     rng = np.random.default_rng(0)
-    tracks, out = model.scan.tracks, [sweep.track for sweep in sweeps]
-    maps = [
-        build(model.part(~np.isin(tracks.number, out[first::_MAPS])), tracks.scene)
-        for first in range(min(_MAPS, len(sweeps)))
-    ]
+    tracks = model.scan.tracks
+    maps: dict[bytes, Localizer] = {}
+    localizers = []
+    for place, sweep in enumerate(sweeps):
+        others = [each.track for each in sweeps[place % _MAPS :: _MAPS]]
+        out = np.isin(np.arange(len(tracks)), others) if sweep.session is None else sweep.session
+        if (key := out.tobytes()) not in maps:
+            maps[key] = build(model.part(~out[tracks.number]), tracks.scene)
+        localizers.append(maps[key])
     for which, begins_late in _turns(count, len(sweeps), rng):
         begin = rng.uniform(0.15, 0.6) if begins_late else 0.0
         part = _part(sweeps[which], np.arange(len(sweeps[which].positions)), begin, tracks.scene)
-        yield Trial(part, True, maps[which % len(maps)])
+        yield Trial(part, True, localizers[which], part.session is not None)
 
 
 def trials_off_map(count: int, model: SweepModel, build: Build, sweeps: Sequence[HeldOut]) -> Iterator[Trial]:

@@ -15,6 +15,8 @@ def digest_of(scan: Scan, scene: Scene) -> str:
     digest = hashlib.blake2b(digest_size=16)
     meaning = asdict(scene) | {"name": ""}
     text = {"scene": meaning, "axes": scan.axes, "phalanges": scan.phalanges, "pairs": len(scan)}
+    if scan.sessions:
+        text["sessions"] = scan.sessions
     digest.update(json.dumps(text, sort_keys=True, default=np.ndarray.tolist).encode())
     for array, kind in ((scan.states, "<f8"), (scan.strain, "<f8"), (scan.sweep, "<i8")):
         digest.update(np.ascontiguousarray(array, dtype=kind).data)

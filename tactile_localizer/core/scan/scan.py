@@ -24,6 +24,7 @@ class Scan:
     axes : names of the d axes
     phalanges : names of the F phalanges
     channels : number of channels of each phalanx, C in all; empty: the default for each
+    sessions : numbers of the sweeps with which its sessions begin; empty: one session
 
     Raises
     ------
@@ -37,6 +38,7 @@ class Scan:
     axes: tuple[str, ...]
     phalanges: tuple[str, ...]
     channels: tuple[int, ...] = ()
+    sessions: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.states)
@@ -79,6 +81,11 @@ class Scan:
     def sweep_numbers(self) -> np.ndarray:
         """Numbers of the sweeps, ascending, (S,)."""
         return np.unique(self.sweep)
+
+    @property
+    def session(self) -> np.ndarray:
+        """The session of each sweep, in the order of their numbers, (S,) int."""
+        return np.searchsorted(self.sessions, self.sweep_numbers, side="right")
 
     @cached_property
     def rows_by_sweep(self) -> list[np.ndarray]:

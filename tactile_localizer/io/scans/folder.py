@@ -14,10 +14,13 @@
 import json
 import logging
 import re
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from tactile_localizer.core.scan.scan import Scan, columns_of
 from tactile_localizer.errors import ScanError, refusing
@@ -31,8 +34,8 @@ from tactile_localizer.scene import Scene
 _log = logging.getLogger(__name__)
 
 HISTORY, DROPPED = "history.jsonl", "dropped"
-STRAIN_DELAY = "strain_delay_s"
-"""Detail of an entry of the history."""
+STRAIN_DELAY, SESSIONS = "strain_delay_s", "sessions"
+"""Details of an entry of the history; the second: numbers of the sweeps with which sessions begin."""
 
 _MOST_HISTORY = 2**24
 """Bytes of the history that are read, some 50,000 lines."""
@@ -124,7 +127,8 @@ class ScanFolder:
                 unused.append(f"{file}: {damaged} of {len(sweep) + damaged} pairs are damaged and not used")
         if unused and not sweeps:
             raise ScanError(f"{unused[0]}, nor is any other")
-        return Recording(str(self.path), tuple(filter(len, sweeps)), tuple(unused))
+        kept = tuple(filter(len, sweeps))
+        return Recording(str(self.path), kept, tuple(unused), sessions=self._sessions(kept))
 
     def history(self) -> list[dict[str, Any]]:
         """The entries of the history, oldest first: ``at`` (ISO 8601, UTC), ``what``, and details."""
@@ -142,6 +146,14 @@ class ScanFolder:
         """Time by which the strain of the newest import or recording was late, s, which its pairs are not."""
         delays = [entry[STRAIN_DELAY] for entry in self.history() if STRAIN_DELAY in entry]
         return float(delays[-1]) if delays and isinstance(delays[-1], int | float) else 0.0
+
+    def _sessions(self, sweeps: Sequence[RecordedSweep]) -> tuple[int, ...]:
+        """Numbers of the sweeps with which sessions begin, as noted in the history; empty: one session."""
+        noted = [entry.get(SESSIONS) for entry in self.history()]
+        begins = sorted({n for each in noted if isinstance(each, list) for n in each if type(n) is int})
+        of_sweeps = np.searchsorted(begins, [sweep.number for sweep in sweeps], side="right")
+        first = np.unique(of_sweeps, return_index=True)[1].tolist()
+        return tuple(sweeps[row].number for row in first) if len(first) > 1 else ()
 
     def files(self, folder: str = "") -> tuple[dict[int, Path], list[str]]:
         """Files of the sweeps by number, ascending, and a line for each that is misnamed.

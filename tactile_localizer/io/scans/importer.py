@@ -12,7 +12,7 @@ import numpy as np
 
 from tactile_localizer.errors import ScanError, listed
 from tactile_localizer.io.recording import OUTSIDE, USABLE, Recording, screen
-from tactile_localizer.io.scans.folder import require_new
+from tactile_localizer.io.scans.folder import SESSIONS, require_new
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.status import MISSING, SATURATED
 from tactile_localizer.scene import Scene
@@ -74,7 +74,8 @@ def import_recording(
                     usable = sweep.part(reason == USABLE, sweep.number, sweep.gaps)
                     if len(usable):
                         writer.add(replace(usable, skipped=len(sweep) - len(usable)))
-                writer.note(what, **(detail or {}), notes=list(notes))
+                sessions = {SESSIONS: list(recording.sessions)} if recording.sessions else {}
+                writer.note(what, **(detail or {}), **sessions, notes=list(notes))
             writer.path.rename(path)
     except OSError as error:
         raise ScanError(f"{path}: expected a writable folder, {error.strerror}") from None

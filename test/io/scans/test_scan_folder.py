@@ -75,6 +75,19 @@ def test_a_recorded_scan_reads_back(tmp_path, monkeypatch):
     ]  # fmt: skip
 
 
+def test_each_recording_is_a_session(tmp_path):
+    assert record(tmp_path / "scan").load().sessions == ()
+    for first in (4, 6, 6):
+        with ScanWriter(tmp_path / "scan", SCENE) as writer:
+            writer.note("record", sessions=[writer.last_number + 1])
+            if writer.last_number < 7:
+                for number in (first, first + 1):
+                    writer.add(RecordedSweep(number, *pairs(seed=number), np.zeros((10, 2))))
+    scan = ScanFolder(tmp_path / "scan").load()
+    assert scan.sessions == (1, 4, 6)
+    assert scan.session.tolist() == [1, 1, 1, 2, 2, 3, 3]
+
+
 def test_numpy_reads_a_sweep(tmp_path):
     record(tmp_path / "scan", n=1000)
     found = np.load(tmp_path / "scan" / "sweep_0002.npy")

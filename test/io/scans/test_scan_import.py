@@ -6,7 +6,7 @@ from support.disk import full_disk
 from support.notes import counts
 
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import RecordedSweep, Recording
+from tactile_localizer.io.recording import RecordedSweep, Recording, join
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.status import FAULT, MISSING, SATURATED
@@ -28,6 +28,17 @@ def sweep_of(number: int, x: list[float], **changes: object) -> RecordedSweep:
 
 def recording_of(*sweeps: RecordedSweep) -> Recording:
     return Recording("source", sweeps, ("one note",))
+
+
+@pytest.mark.parametrize(("sweeps", "sessions"), [((2, 3), (1, 3)), ((2, 1), ()), ((3,), ())])
+def test_each_of_several_files_is_a_session_unless_one_is_a_single_sweep(tmp_path, sweeps, sessions):
+    """The strokes of one session may have a file each."""
+    files = [
+        recording_of(*(sweep_of(1 + n, [0.1 * n + 0.01 * file, 0.5]) for n in range(count)))
+        for file, count in enumerate(sweeps)
+    ]
+    import_recording(join(files), SCENE, tmp_path / "bump_scan")
+    assert ScanFolder(tmp_path / "bump_scan").load().sessions == sessions
 
 
 def test_unusable_samples_are_skipped_and_counted(tmp_path):

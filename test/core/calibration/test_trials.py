@@ -1,0 +1,61 @@
+"""Held-out sweeps, and the maps on which they are localized."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.scans import bump_scan
+from support.scans import scene as scene_of
+
+from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
+from tactile_localizer.core.calibration.trials import held_out, trials_on_map
+from tactile_localizer.core.likelihood.material import Material
+from tactile_localizer.core.scan.digest import digest_of
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.scene import Scene
+
+SHEET = scene_of()
+
+
+def of_two_sessions(second: slice) -> Scan:
+    """A raster, and some of its lines again in another session."""
+    one, two = bump_scan(SHEET), bump_scan(SHEET, seed=1)
+    again = two.select(np.isin(two.sweep, two.sweep_numbers[second]))
+    first = int(one.sweep.max()) + 1
+    return replace(
+        one,
+        states=np.concatenate([one.states, again.states]),
+        strain=np.concatenate([one.strain, again.strain]),
+        sweep=np.concatenate([one.sweep, again.sweep + first]),
+        sessions=(0, first + int(again.sweep.min())),
+    )
+
+
+@pytest.mark.parametrize("second", [slice(None), slice(2, 5)], ids=["all lines again", "three lines again"])
+def test_a_sweep_is_localized_without_its_session_where_another_lies_on_its_way(second: slice) -> None:
+    scan = of_two_sessions(second)
+    of_second = scan.sweep_numbers[scan.sweep_numbers >= scan.sessions[1]]
+    model = learn_sweep_model(scan, SHEET, Material.SHEET)
+
+    def build(part: SweepModel, _: Scene) -> np.ndarray:
+        """In place of a localizer the numbers of the sweeps that it knows."""
+        levels = model.scan.levels[:, None] == part.scan.levels
+        return scan.sweep_numbers[levels.all(axis=2).any(axis=1)]
+
+    sweeps = held_out(scan, model.scan.tracks, model.scan.spacing)
+    for trial in trials_on_map(48, model, build, sweeps):  # type: ignore[arg-type]
+        known, own = trial.localizer, trial.sweep.number
+        assert own not in known  # type: ignore[operator]
+        is_of_second = own in of_second
+        assert trial.other_session or not is_of_second
+        if trial.other_session:
+            is_known = np.isin(of_second, known)  # type: ignore[arg-type]
+            assert is_known.all() != is_of_second
+            assert is_known.any() != is_of_second
+    assert any(each.session is not None for each in sweeps)
+    assert all(each.session is not None for each in sweeps) == (second == slice(None))
+
+
+def test_the_sessions_of_a_scan_are_part_of_what_is_learned() -> None:
+    scan = of_two_sessions(slice(None))
+    assert digest_of(scan, SHEET) != digest_of(replace(scan, sessions=()), SHEET)
