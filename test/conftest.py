@@ -80,7 +80,7 @@ def _learned_once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempP
     """Commands learn from each scan once, until the code that learns changes; see :mod:`support.learned`."""
     from support import learned
 
-    cache = request.config.cache  # of all workers
+    cache = getattr(request.config, "cache", None)  # of all workers; none with -p no:cacheprovider
     name = f"learned-{learned.version()}"
     learned.keep_in(cache.mkdir(name) if cache else tmp_path_factory.mktemp(name))
     with pytest.MonkeyPatch.context() as patch:
