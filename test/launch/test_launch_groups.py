@@ -13,12 +13,6 @@ from support.scenarios import Place
 
 pytest.importorskip("ros2launch", reason="ros2launch is not installed: only a ROS 2 distribution has it")
 
-from launch.actions import GroupAction, OpaqueFunction, SetEnvironmentVariable, SetLaunchConfiguration
-from launch.launch_description_sources import load_python_launch_file_as_module
-from launch_ros.ros_adapters import get_ros_node
-
-from launch import LaunchDescription, LaunchService
-
 pytestmark = pytest.mark.ros
 
 FOLDER = Path(__file__).parents[2] / "launch"
@@ -47,6 +41,21 @@ def generate_launch_description():
     own = [DeclareLaunchArgument(name) for name in OWN]
     return LaunchDescription([*own, ExecuteProcess(cmd=["true"]), GroupAction([*around, include])])
 """
+
+ELSEWHERE = """
+from launch import LaunchDescription
+from launch.actions import GroupAction, OpaqueFunction, SetEnvironmentVariable
+from launch.launch_description_sources import load_python_launch_file_as_module
+from launch_ros.ros_adapters import get_ros_node
+
+def generate_launch_description():
+    file = load_python_launch_file_as_module(FILE)
+    file.ANSWER_S = 1.0
+    here = OpaqueFunction(function=lambda context: get_ros_node(context) and None)
+    elsewhere = SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    return LaunchDescription([here, GroupAction([elsewhere, file.generate_launch_description()])])
+"""
+"""A replay whose filter is where launch does not see it."""
 
 
 @pytest.fixture
@@ -97,18 +106,9 @@ def test_a_replay_plays_in_the_bringup_of_somebody_else(bringup: Any) -> None:
     assert "it is ignored" not in launched.output
 
 
-def test_a_replay_ends_if_its_filter_does_not_answer(
-    place: Place, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("ROS_HOME", str(place.folder))
-    file = load_python_launch_file_as_module(str(FOLDER / "replay.launch.py"))
-    file.ANSWER_S = 1.0
-    given = [SetLaunchConfiguration("bag", "none"), SetLaunchConfiguration("scan_file", str(place.scan_file))]
-    here = OpaqueFunction(function=lambda context: get_ros_node(context) and None)
-    elsewhere = SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
-    service = LaunchService()
-    service.include_launch_description(
-        LaunchDescription([here, GroupAction([elsewhere, *given, file.generate_launch_description()])])
-    )
-    assert service.run() == 1
-    assert "/tactile_filter: expected an answer within 1 s, got none" in capfd.readouterr().out
+def test_a_replay_ends_if_its_filter_does_not_answer(launch: Launch, place: Place) -> None:
+    file = place.folder / "elsewhere.launch.py"
+    file.write_text(ELSEWHERE.replace("FILE", repr(str(FOLDER / "replay.launch.py"))))
+    launched = launch(file, bag="none", scan_file=place.scan_file)
+    assert launched.wait() == 1
+    assert "/tactile_filter: expected an answer within 1 s, got none" in launched.output
