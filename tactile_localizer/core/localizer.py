@@ -15,8 +15,8 @@ from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.hypotheses.convergence import (
     Convergence,
     ConvergenceCriteria,
+    Ellipsoid,
     State,
-    probability_within,
 )
 from tactile_localizer.core.hypotheses.explanations import RELOCATION_DISTANCE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
@@ -142,7 +142,8 @@ class Localizer:
         self._registration = np.diag(registration_std**2)
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
-        self._anchors = anchors
+        self._anchors, self._all = anchors, np.ones(len(scene.phalanges), dtype=bool)
+        self._near = Ellipsoid(convergence.criteria.radius, self.registration_variance)
         self._belief: Belief | None = None
         self._restart()
 
@@ -178,6 +179,7 @@ class Localizer:
     def adjust(self, criteria: ConvergenceCriteria, update_distance: float) -> None:
         """Change the thresholds of convergence and the update distance; the belief stays."""
         self._convergence.criteria = criteria
+        self._near = Ellipsoid(criteria.radius, self.registration_variance)
         self.measurements.update_distance = update_distance
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
@@ -262,6 +264,7 @@ class Localizer:
         self._travel = 0.0
         self._updates = 0
         self._log_likelihoods = np.full(2, np.nan)
+        self._notes, self._consistent = "", self._all
 
     def measure(self, measurement: Measurement) -> Belief:
         """The measurement update: predicted belief, likelihoods, posterior, explanations, decision.
@@ -279,7 +282,8 @@ class Localizer:
         prediction, sweep = self._predict(displacement, travel)
         model = self._with_noise(sweep.model, excess)
         states = len(prediction.states)
-        places = np.concatenate([prediction.states, self._anchors.states])
+        # An axis at a time: arrays with a short last axis take several times longer.
+        places = np.concatenate([prediction.states.T, self._anchors.states.T], axis=1).T
         nodes, map_strain = model.map_at(places)
         innovation, trend = model.innovation(
             sweep.trend, mean_strain, places, map_strain, prediction.weights, update_travel, exponent
@@ -293,7 +297,8 @@ class Localizer:
         )
         position = on_map.position
         if self._position_model is not None:
-            position = self._position_likelihood(prediction, innovation, mean_strain, used)
+            map_trend = map_strain - innovation.of_map
+            position = self._position_likelihood(prediction, innovation, map_trend, mean_strain, used)
 
         own = exponent
         if self._position_length is not None:
@@ -318,17 +323,15 @@ class Localizer:
         scale = sweep.scale + share * (squared - sweep.scale)
         self._sweep = _Sweep(model, trend, gain, scale, explanations, strength_weights)
         self._belief = belief
-        volume = float(model.noise.log_volume[used].sum())
-        self._log_likelihoods = np.array([tracked, other]) + volume
+        self._log_likelihoods = np.array([tracked, other]) + float(used @ model.noise.log_volume)
         self._travel += travel
         self._decide(prediction.states, self.filter.weights(), belief, travel, outside)
         return belief
 
     def _with_noise(self, model: SweepMixture, excess: np.ndarray) -> SweepMixture:
         """The model for the noise of the sweep: that of before, or a new one where it changed by a fifth."""
-        usual = self.model.noise.variance
-        changed = np.abs(excess - model.excess) > _CHANGED * (usual + model.excess)
-        return self.model.with_noise(excess) if changed.any() else model
+        changed = np.abs(excess - model.excess) > _CHANGED * (self.model.noise.variance + model.excess)
+        return self.model.with_noise(excess) if np.count_nonzero(changed) else model
 
     def _predict(self, displacement: np.ndarray, travel: float) -> tuple[Prediction, _Sweep]:
         """The predicted belief, and what is known of the sweep along its trajectories."""
@@ -339,8 +342,9 @@ class Localizer:
         injected = sweep.explanations.injected
         prediction = self.filter.predict(displacement, travel, injected)
         explanations = sweep.explanations.predict(travel, prediction.left, lost)
-        before = len(sweep.trend.map_level) - len(anchors)
-        if not injected and np.array_equal(prediction.ancestors, np.arange(before)):
+        before = sweep.trend.of_map.shape[1] - len(anchors)
+        own = len(prediction.ancestors) == before and prediction.ancestors == np.arange(before)
+        if not injected and np.all(own):
             return prediction, sweep._replace(explanations=explanations)
         # The trajectories of the anchors follow those of the states; a hand placed elsewhere was tracked.
         ancestors = np.concatenate([prediction.ancestors, before + np.arange(len(anchors))])
@@ -348,16 +352,21 @@ class Localizer:
         new = (prediction.continued < 1.0).nonzero()[0]
         if len(new):
             fraction = 1.0 - prediction.continued[new]
-            trend = trend.mixed(new, sweep.trend.averaged(weights), fraction)
-            gain = gain.mixed(new, sweep.gain.averaged(weights), fraction)
+            trend.mix(new, sweep.trend.averaged(weights), fraction)
+            gain.mix(new, sweep.gain.averaged(weights), fraction)
         return prediction, sweep._replace(trend=trend, gain=gain, explanations=explanations)
 
     def _position_likelihood(
-        self, prediction: Prediction, innovation: Innovation, mean_strain: np.ndarray, used: np.ndarray
+        self,
+        prediction: Prediction,
+        innovation: Innovation,
+        map_trend: np.ndarray,
+        mean_strain: np.ndarray,
+        used: np.ndarray,
     ) -> np.ndarray:
         """Log-likelihoods (P,) by the model for the position, of the strain without the sweep's level."""
         assert self._position_model is not None
-        trend = prediction.weights @ innovation.map_trend[: len(prediction.states)]
+        trend = prediction.weights @ map_trend[: len(prediction.states)]
         level_out = self.model.in_volts(mean_strain, innovation.of_strain + innovation.turned + trend)
         strain = level_out if self.model.material is Material.SHEET else mean_strain
         return self._position_model.log_likelihood(prediction.states, strain, used)
@@ -374,20 +383,23 @@ class Localizer:
         if outside > 0.5 and self.model.material is Material.SHEET:
             contradiction = f"{outside:.0%} of the strains are outside the range of the scan"
         away = self._motion.displacement(belief.mean, states)
-        radius, registration = self._convergence.criteria.radius, self._registration.diagonal()
-        near = probability_within(away, weights, radius, registration)
+        near = self._near.probability(away, weights)
         self._convergence.update(near, explanations.tracked, explanations.other, travel, contradiction)
+        self._notes, self._consistent = self._scatter() + self._stuck_gauges(), self._all
+        if np.count_nonzero(self.measurements.stuck):
+            self._consistent = ~self.scene.layout.any(self.measurements.stuck)
+        self._covariance = belief.covariance + self._registration
 
     def _scatter(self) -> str:
         """That the strain differs from the map by more than in the scan, to be added to a reason."""
-        scatter = math.sqrt(float(self._sweep.scale.max()))
+        scatter = math.sqrt(max(self._sweep.scale.tolist()))
         if scatter < _SCATTERED:
             return ""
         return f"; strain scatters {scatter:.2g} times as much as in the scan (force?)"
 
     def _stuck_gauges(self) -> str:
         """The gauges that stand still, to be added to a reason."""
-        if not self.measurements.stuck.any():
+        if not np.count_nonzero(self.measurements.stuck):
             return ""
         names = list(self._gauge_names(self.measurements.stuck))
         return f"; {', '.join(names)} {'stand' if len(names) > 1 else 'stands'} still"
@@ -412,7 +424,7 @@ class Localizer:
         assert belief is not None
         pending = self.measurements.pending
         travel = self._motion.travel(pending)
-        covariance = belief.covariance + self._registration + travel * self._noise_per_metre
+        covariance = self._covariance + travel * self._noise_per_metre
         convergence = self._convergence
         log_marginal, log_other = self._log_likelihoods.tolist()
         return Estimate(
@@ -421,12 +433,12 @@ class Localizer:
             covariance=covariance,
             trace=sum(covariance.ravel().tolist()[:: len(covariance) + 1]),
             state=convergence.state,
-            reason=self._reason(self._travel + travel) + self._scatter() + self._stuck_gauges(),
+            reason=self._reason(self._travel + travel) + self._notes,
             probability=convergence.probability,
             on_map=self._sweep.explanations.on_map,
             log_marginal=log_marginal,
             log_other=log_other,
-            consistent=~self.scene.layout.any(self.measurements.stuck),
+            consistent=self._consistent,
             effective_sample_size=belief.effective_sample_size,
             hypotheses=belief.hypotheses,
             travel=self._travel + travel,

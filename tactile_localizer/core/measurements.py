@@ -136,13 +136,18 @@ class Measurements:
         mean, displacement = self._mean.take()
         travel = self._motion.travel(displacement)
         self._gauges.observe(strain, channels, travel)
-        working = channels & ~self._gauges.stuck
-        working = working if working.any() else channels
-        used = self._layout.any(working)
+        working, used = channels, present
+        if np.count_nonzero(self._gauges.stuck):
+            working = channels & ~self._gauges.stuck
+            working = working if np.count_nonzero(working) else channels
+            used = self._layout.any(working)
         self._count += 1  # at first the mean is over all strains, so that a spike is only one of them
         share = max(min(1.0, travel / RECENT), 1.0 / self._count)
         self.outside += share * (float(self._range.strains_outside(strain, used)) - self.outside)
-        excess = np.minimum(self._noise.excess(self.update_distance), self._silent)
-        # Channels are whitened together: one that does not count is one that is all noise.
-        excess = np.where(working, excess, self._silent)
+        excess = self._noise.excess(self.update_distance)
+        if np.count_nonzero(excess):
+            excess = np.minimum(excess, self._silent)
+        if np.count_nonzero(working) < len(working):
+            # Channels are whitened together: one that does not count is one that is all noise.
+            excess = np.where(working, excess, self._silent)
         return Measurement(mean, displacement, travel, self._mean.pending, used, excess, self.outside)

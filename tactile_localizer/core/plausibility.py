@@ -72,6 +72,7 @@ class StuckGauges:
     def reset(self) -> None:
         """Take every gauge as working."""
         self._last: np.ndarray | None = None
+        self._counting = False
         self._unchanged = np.zeros(len(self._limit))
         self.stuck = self._unchanged >= self._limit
 
@@ -79,9 +80,12 @@ class StuckGauges:
         """Take in a ``strain`` (C,) after ``travel`` metres; ``present`` (C,) bool."""
         if self._last is not None:
             same = present & (strain == self._last)
-            others_change = (present & ~same).any()
-            self._unchanged = np.where(same, self._unchanged + travel * others_change, 0.0)
-            self.stuck = self._unchanged >= self._limit
+            count = np.count_nonzero(same)
+            if count or self._counting:
+                more = travel * (count < np.count_nonzero(present))  # another one changes
+                self._unchanged = np.where(same, self._unchanged + more, 0.0)
+                self.stuck = self._unchanged >= self._limit
+            self._counting = bool(count)
         self._last = strain.copy()
 
 

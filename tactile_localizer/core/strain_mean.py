@@ -19,6 +19,10 @@ class StrainMean:
     Parameters
     ----------
     motion : motion model of the scene
+
+    Attributes
+    ----------
+    travel : distance of the last strain from that of the last update, m: a pose that trembles does not travel
     """
 
     def __init__(self, motion: MotionModel) -> None:
@@ -30,6 +34,7 @@ class StrainMean:
         self._begun, self._count = False, 0
         self._last = self._updated_at = self._mean_at = self._first = np.zeros(0)
         self._sum, self._moved, self._present = np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)
+        self.travel = 0.0
 
     def step(self, position: np.ndarray) -> float:
         """Travel to a palm position (d,) from that of the strain before it, m."""
@@ -40,18 +45,15 @@ class StrainMean:
         if not self._begun:
             self._begun, self._last, self._updated_at, self._mean_at = True, position, position, position
         far = self._count and self._motion.travel(self._motion.displacement(self._first, position)) > _LONGEST
-        if not self._count or far or (present != self._present).any():
+        if not self._count or far or np.count_nonzero(present != self._present):
             self._count, self._present, self._first = 0, present, position
             self._sum, self._moved = np.zeros_like(strain), np.zeros_like(position)
         self._last = position
         self._count += 1
         self._sum = self._sum + strain
-        self._moved = self._moved + self._motion.displacement(self._updated_at, position)
-
-    @property
-    def travel(self) -> float:
-        """Distance from the last strain of the last update, m: a pose that trembles does not travel."""
-        return self._motion.travel(self._motion.displacement(self._updated_at, self._last))
+        moved = self._motion.displacement(self._updated_at, position)
+        self.travel = self._motion.travel(moved)
+        self._moved = self._moved + moved
 
     @property
     def pending(self) -> np.ndarray:

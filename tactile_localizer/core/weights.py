@@ -20,11 +20,11 @@ def bayes(prior: np.ndarray, log_likelihood: np.ndarray) -> tuple[np.ndarray, fl
     posterior : (P,) with a sum of one; the prior if the measurement is impossible everywhere
     log_marginal : logarithm of the likelihood's mean over the prior
     """
-    peak = float(log_likelihood.max())
+    peak = float(np.maximum.reduce(log_likelihood))
     if peak == -math.inf:
         return prior, peak
     joint = prior * np.exp(log_likelihood - peak)
-    total = float(joint.sum())
+    total = float(np.add.reduce(joint))
     if total == 0.0:  # whatever has weight is far less likely than what has none
         return bayes(prior, np.where(prior > 0.0, log_likelihood, -math.inf))
     return joint / total, peak + math.log(total)
@@ -49,7 +49,7 @@ def moments(states: np.ndarray, weights: np.ndarray, wraps: np.ndarray) -> tuple
     mean : (d,)
     covariance : (d, d)
     """
-    mean, turns = weights @ states, bool(wraps.any())
+    mean, turns = weights @ states, np.count_nonzero(wraps) > 0
     if turns:
         angles = states[:, wraps]
         mean[wraps] = np.arctan2(weights @ np.sin(angles), weights @ np.cos(angles))

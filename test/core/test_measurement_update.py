@@ -83,7 +83,7 @@ class ModelByHand:
     def _start(self, count: int) -> Trend:
         """The trend of each trajectory is its number."""
         numbered = np.arange(count, dtype=np.float32)[:, None] + np.zeros((1, 4), dtype=np.float32)
-        return Trend(0.0, np.zeros(4), np.zeros(4), numbered, -numbered)
+        return Trend(0.0, np.zeros(4), np.zeros(4), np.stack([numbered, -numbered]))
 
     def _other(self, *given: Any) -> tuple[float, np.ndarray]:
         self._note("other", *given)
@@ -102,8 +102,8 @@ class ModelByHand:
 
     def innovation(self, trend: Trend, *given: Any) -> tuple[Innovation, Trend]:
         self._note("innovation", trend, *given)
-        map_trend = np.zeros((len(given[1]), 4), dtype=np.float32)
-        return Innovation(np.full(4, 0.5), map_trend, np.full(4, 0.25)), trend._replace(measurements=7.0)
+        of_map = np.zeros((len(given[1]), 4), dtype=np.float32)
+        return Innovation(np.full(4, 0.5), of_map, np.full(4, 0.25)), trend._replace(measurements=7.0)
 
     def off_map(self, innovation: Innovation) -> tuple[np.ndarray, np.ndarray]:
         return innovation.of_strain + 1.0, np.array([0.1, 0.2])
@@ -210,9 +210,9 @@ def test_trajectories_follow_their_ancestors_and_those_of_the_anchors_stay() -> 
     move(of)
     anchors = len(of._anchors)
     of.filter.ancestors = np.array([2, 2, 0])
-    before = of.model.given("innovation")[0].map_level[:, 0]
+    before = of.model.given("innovation")[0].of_map[0, :, 0]
     move(of)
-    after = of.model.given("innovation")[0].map_level[:, 0]
+    after = of.model.given("innovation")[0].of_map[0, :, 0]
     np.testing.assert_array_equal(before, [0, 1, 2, *range(1, anchors + 1)])
     np.testing.assert_array_equal(after, [2, 2, 0, *range(1, anchors + 1)])
 
@@ -224,9 +224,9 @@ def test_what_is_new_of_a_state_was_tracked_before() -> None:
     of.filter.ancestors, of.filter.continued = np.zeros(3, dtype=int), np.array([1.0, 0.25, 0.0])
     trend, gain = of.model.given("innovation")[0], of._sweep.gain
     move(of)
-    found = of.model.given("innovation")[0].map_level[:3, 0]
-    mean = of.filter.weights() @ trend.map_level[:3, 0]
-    np.testing.assert_allclose(found, trend.map_level[0, 0] + np.array([0.0, 0.75, 1.0]) * mean, rtol=1e-6)
+    found = of.model.given("innovation")[0].of_map[0, :3, 0]
+    mean = of.filter.weights() @ trend.of_map[0, :3, 0]
+    np.testing.assert_allclose(found, trend.of_map[0, 0, 0] + np.array([0.0, 0.75, 1.0]) * mean, rtol=1e-6)
     new = of.model.given("on_map")[3].mean[:, 2:3]
     np.testing.assert_allclose(new, gain.averaged(of.filter.weights()).predicted(STEP, 0.1).mean, rtol=1e-6)
 
@@ -273,9 +273,9 @@ def test_after_an_injection_trajectories_are_mixed_even_where_no_ancestor_change
     weights = np.full(len(of._anchors), 1.0 / len(of._anchors))
     of._sweep = of._sweep._replace(explanations=Explanations(0.1, 0.6, 0.3, weights))
     of.filter.continued = np.array([1.0, 1.0, 0.0])
-    before = of.model.given("innovation")[0].map_level[:3, 0]
+    before = of.model.given("innovation")[0].of_map[0, :3, 0]
     move(of)
-    after = of.model.given("innovation")[0].map_level[:3, 0]
+    after = of.model.given("innovation")[0].of_map[0, :3, 0]
     np.testing.assert_allclose(after, [*before[:2], of.filter.weights() @ before], rtol=1e-6)
 
 

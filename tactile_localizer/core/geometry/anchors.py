@@ -34,8 +34,8 @@ class Anchors:
         pitch = max((float(np.prod(extent)) / _COUNT) ** (1.0 / scene.dimension), _LEAST_PITCH)
         self._counts = np.clip(np.rint(extent / pitch), 1, _COUNT).astype(int)
         self.pitch = self._extent / self._counts
-        index = np.indices(self._counts).reshape(scene.dimension, -1).T
-        self._origin = (index + 0.5) * self.pitch
+        index = np.indices(self._counts).reshape(scene.dimension, -1)
+        self._origin = ((index + 0.5) * self.pitch[:, None]).T
         self.reset()
 
     def __len__(self) -> int:
@@ -44,14 +44,18 @@ class Anchors:
     def reset(self) -> None:
         """Return to where they began."""
         self._shift = np.zeros(len(self._extent))
+        self._beyond = np.zeros(self._origin.shape, dtype=bool)
+        self._none = np.zeros(len(self), dtype=bool)
         self.states = self._lower + self._origin
 
     def move(self, displacement: np.ndarray) -> np.ndarray:
         """Move by ``displacement`` (d,), m (yaw: rad); returns which anchors (R,) bool left at a bound."""
-        before = self.states
-        self._shift = np.mod(self._shift + displacement, self._extent)
+        before, moved = self._beyond, self._shift + displacement
+        self._shift = np.mod(moved, self._extent)
+        turns = np.rint((moved - self._shift) / self._extent)
         moved = self._origin + self._shift
         # np.mod takes ten times as long.
-        self.states = self._lower + np.where(moved < self._extent, moved, moved - self._extent)
-        away = np.abs(self.states - before - displacement) > 0.5 * self._extent
-        return np.asarray((away & self._ends).any(axis=1))
+        self._beyond = moved >= self._extent
+        self.states = self._lower + (moved - self._beyond * self._extent)
+        left = (before != self._beyond + turns) & self._ends
+        return np.logical_or.reduce(left, axis=1) if np.count_nonzero(left) else self._none

@@ -31,7 +31,7 @@ class MotionModel:
         self._wraps = scene.wraps
         self._turns = bool(self._wraps.any())
         self._variance_per_metre = scene.motion_std**2
-        self._levers = levers(scene).tolist()
+        self._levers, self._lever_rows = levers(scene).tolist(), levers(scene)[:, None]
 
     def displacement(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """Displacement (..., d) from ``before`` (d,) to ``after`` (..., d); yaw by the shortest arc."""
@@ -53,10 +53,7 @@ class MotionModel:
 
     def travels(self, displacements: np.ndarray) -> np.ndarray:
         """Lengths of displacements (n, d), (n,) m; to the last bit those of :meth:`travel`."""
-        squared = np.zeros(len(displacements))
-        for lever, along in zip(self._levers, displacements.T, strict=True):
-            squared += (lever * along) * (lever * along)
-        return np.asarray(np.sqrt(squared))
+        return np.sqrt(np.add.reduce(np.square(displacements.T * self._lever_rows)))
 
     def variance(self, travel: float) -> np.ndarray:
         """Variance of the noise after ``travel`` metres, (d,)."""

@@ -38,37 +38,47 @@ class ConvergenceCriteria:
     release: float = 0.5
 
 
-def probability_within(
-    away: np.ndarray, weights: np.ndarray, radius: np.ndarray, variance: np.ndarray
-) -> float:
-    """Probability that the hand is within an ellipsoid, for a belief convolved with a normal distribution.
-
-    By the approximation of Jensen and Solomon (1972) to the distribution of a quadratic form: within 0.01,
-    above 0.98 within 0.001.
+class Ellipsoid:
+    """Ellipsoid about a state, and the normal distribution with which a belief is convolved.
 
     Parameters
     ----------
-    away : (P, d) deviations of the states from the ellipsoid's centre, m (yaw: rad)
-    weights : (P,) of the states
-    radius : (d,) half-axes of the ellipsoid
+    radius : (d,) half-axes, m (yaw: rad)
     variance : (d,) of the normal distribution
     """
-    spread = np.maximum(variance / radius**2, 1e-9)
-    squared = np.square(away.T / radius[:, None])
-    distance = squared.sum(axis=0)
-    near = (distance <= (1.0 + 3.0 * np.sqrt(spread.max())) ** 2).nonzero()[0]
-    powers = spread ** np.array([[1], [2], [3]])
-    # Cumulants of the quadratic form.
-    first, second, third = powers.sum(axis=1)[:, None] + (powers / spread * [[1], [2], [3]]) @ squared.take(
-        near, axis=1
-    )
-    power = 1.0 - 2.0 * first * third / (3.0 * second**2)
-    scale = second / first**2
-    deviate = (first**-power - 1.0 - scale * power * (power - 1.0)) / (power * np.sqrt(2.0 * scale))
-    deviate = np.minimum(np.maximum(deviate, -8.0), 8.0)
-    # The normal distribution function, within 0.0002.
-    inside = 1.0 / (1.0 + np.exp(-deviate * (1.5976 + 0.07056 * np.square(deviate))))
-    return float(weights.take(near) @ inside)
+
+    def __init__(self, radius: np.ndarray, variance: np.ndarray) -> None:
+        spread = np.maximum(variance / radius**2, 1e-9)
+        order = np.array([[1], [2], [3]])
+        powers = spread**order
+        self._sums, self._factors = powers.sum(axis=1)[:, None], powers / spread * order
+        self._radius = radius[:, None]
+        self._reach = float((1.0 + 3.0 * np.sqrt(spread.max())) ** 2)
+
+    def probability(self, away: np.ndarray, weights: np.ndarray) -> float:
+        """Probability that the hand is within, for deviations (P, d) of states with ``weights`` (P,).
+
+        By the approximation of Jensen and Solomon (1972) to the distribution of a quadratic form: within
+        0.01, above 0.98 within 0.001.
+        """
+        squared = np.square(away.T / self._radius)
+        near = (np.add.reduce(squared) <= self._reach).nonzero()[0]
+        # Cumulants of the quadratic form.
+        first, second, third = self._sums + self._factors @ squared.take(near, axis=1)
+        power = 1.0 - first * third * (2.0 / 3.0) / np.square(second)
+        scale = second / np.square(first)
+        deviate = (first**-power - 1.0 - scale * power * (power - 1.0)) / (power * np.sqrt(2.0 * scale))
+        deviate = np.minimum(np.maximum(deviate, -8.0), 8.0)
+        # The normal distribution function, within 0.0002.
+        inside = 1.0 / (1.0 + np.exp(-deviate * (1.5976 + 0.07056 * np.square(deviate))))
+        return float(weights.take(near) @ inside)
+
+
+def probability_within(
+    away: np.ndarray, weights: np.ndarray, radius: np.ndarray, variance: np.ndarray
+) -> float:
+    """Probability that the hand is within an :class:`Ellipsoid` with these arguments."""
+    return Ellipsoid(radius, variance).probability(away, weights)
 
 
 class Convergence:

@@ -25,47 +25,41 @@ class Trend(NamedTuple):
     ----------
     measurements : number of independent measurements taken in, (C,) or of all channels
     level, rate : (C,) of the whitened strain, and its change per metre
-    map_level, map_rate : (N, C) of the map along each trajectory
+    of_map : (2, N, C) float32, level and rate of the map along each trajectory
     """
 
     measurements: np.ndarray | float
     level: np.ndarray
     rate: np.ndarray
-    map_level: np.ndarray
-    map_rate: np.ndarray
+    of_map: np.ndarray
 
     def followed(self, trajectories: np.ndarray) -> Trend:
         """The trend along some of the trajectories, (M,) int."""
-        level, rate = (each.take(trajectories, axis=0) for each in (self.map_level, self.map_rate))
-        return self._replace(map_level=level, map_rate=rate)
+        return self._replace(of_map=self.of_map.take(trajectories, axis=1))
 
-    def averaged(self, weights: np.ndarray) -> Trend:
-        """The mean over the first trajectories, with ``weights`` (P,)."""
-        narrow = weights.astype(np.float32)
-        level, rate = (narrow @ each[: len(weights)] for each in (self.map_level, self.map_rate))
-        return self._replace(map_level=level[None], map_rate=rate[None])
+    def averaged(self, weights: np.ndarray) -> np.ndarray:
+        """The mean (2, C) of level and rate over the first trajectories, with ``weights`` (P,)."""
+        return np.asarray(weights.astype(np.float32) @ self.of_map[:, : len(weights)])
 
-    def mixed(self, rows: np.ndarray, other: Trend, fraction: np.ndarray) -> Trend:
-        """The trend where of ``rows`` (m,) int a ``fraction`` (m,) of the weight has the ``other`` trend."""
-        share, level, rate = fraction.astype(np.float32)[:, None], self.map_level.copy(), self.map_rate.copy()
-        level[rows] += share * (other.map_level - level[rows])
-        rate[rows] += share * (other.map_rate - rate[rows])
-        return self._replace(map_level=level, map_rate=rate)
+    def mix(self, rows: np.ndarray, other: np.ndarray, fraction: np.ndarray) -> None:
+        """Give ``other`` (2, C) to a ``fraction`` (m,) of the weight of trajectories ``rows`` (m,) int."""
+        own, share = self.of_map[:, rows], fraction.astype(np.float32)[:, None]
+        self.of_map[:, rows] = own + share * (other[:, None] - own)
 
 
 class Innovation(NamedTuple):
-    """What of a strain its trend does not predict, and what the trend of the map predicts at N places.
+    """What of a strain, and of the map at N places, their trends do not predict.
 
     Parameters
     ----------
     of_strain : (C,) whitened strain less its trend
-    map_trend : (N, C) to be subtracted from the map
+    of_map : (N, C) strain of the map less its trend
     level_variance : (C,) of the level
     turned : (C,) strain of featureless material at the mean yaw, which is not in ``of_strain``
     """
 
     of_strain: np.ndarray
-    map_trend: np.ndarray
+    of_map: np.ndarray
     level_variance: np.ndarray
     turned: np.ndarray | float = 0.0
 
@@ -93,8 +87,8 @@ class Drift:
 
     def start(self, count: int) -> Trend:
         """The trend before the first strain, along ``count`` trajectories."""
-        zero, every = np.zeros(len(self.prior)), np.zeros((count, len(self.prior)), dtype=np.float32)
-        return Trend(0.0, zero, zero, every, every)
+        zero = np.zeros(len(self.prior))
+        return Trend(0.0, zero, zero, np.zeros((2, count, len(self.prior)), dtype=np.float32))
 
     def update(
         self,
@@ -112,26 +106,31 @@ class Drift:
         known = trend.measurements + self.prior
         travel = min(travel, self.memory)  # beyond it the level is unknown, however far the arm jumped
         predicted = trend.level + travel * trend.rate
-        map_trend = trend.map_level + np.float32(travel) * trend.map_rate
+        map_level, map_rate = trend.of_map
+        map_trend = np.float32(travel) * map_rate
+        map_trend += map_level
         strain_left, map_left = whitened - predicted, map_strain - map_trend
         # Whether the strain is an outlier or the level is, the next ones decide: both lose weight.
         weight, rate_gain = 1.0, 0.0
-        if known.any():
+        if np.count_nonzero(known):
             weight = 1.0 / (1.0 + float(strain_left @ strain_left) / self._largest_energy)
             # The first strain sets the level, of which the rate is the change.
             rate_gain = weight * travel / (4.0 * self.memory**2)
         added = exponent * weight
         gain = np.minimum(np.maximum(added / (known + added), weight * travel / self.memory), _LARGEST_GAIN)
-        narrow = gain.astype(np.float32)
-        following = Trend(
+        following = np.empty_like(trend.of_map)
+        np.multiply(map_left, gain.astype(np.float32), out=following[0])
+        following[0] += map_trend
+        np.multiply(map_left, np.float32(rate_gain), out=following[1])
+        following[1] += map_rate
+        after = Trend(
             0.5 * (1.0 + weight) * trend.measurements + added,
             predicted + gain * strain_left,
             trend.rate + rate_gain * strain_left,
-            map_trend + narrow * map_left,
-            trend.map_rate + np.float32(rate_gain) * map_left if rate_gain else trend.map_rate,
+            following,
         )
         level_variance = self.variance * gain / (1.0 - gain) / exponent
-        return Innovation(strain_left, map_trend, level_variance), following
+        return Innovation(strain_left, map_left, level_variance), after
 
     def along(self, values: np.ndarray, pitch: float, exponent: float) -> tuple[np.ndarray, np.ndarray]:
         """Innovations of ``values`` (n, C) at every ``pitch`` metres, and variances of the level, (n, C)."""

@@ -36,15 +36,16 @@ class Gain(NamedTuple):
 
     def averaged(self, weights: np.ndarray) -> Gain:
         """The mean over the first trajectories, with ``weights`` (P,)."""
-        mean, variance = (each[:, : len(weights)] @ weights.astype(np.float32) for each in self)
+        narrow = weights.astype(np.float32)
+        mean, variance = (each[:, : len(weights)] @ narrow for each in self)
         return Gain(mean[:, None], variance[:, None])
 
-    def mixed(self, rows: np.ndarray, other: Gain, fraction: np.ndarray) -> Gain:
-        """The gain where of ``rows`` (m,) int a ``fraction`` (m,) of the weight has the ``other`` gain."""
-        share, mean, variance = fraction.astype(np.float32), self.mean.copy(), self.variance.copy()
-        mean[:, rows] += share * (other.mean - mean[:, rows])
-        variance[:, rows] += share * (other.variance - variance[:, rows])
-        return Gain(mean, variance)
+    def mix(self, rows: np.ndarray, other: Gain, fraction: np.ndarray) -> None:
+        """Give ``other`` to a ``fraction`` (m,) of the weight of the trajectories ``rows`` (m,) int."""
+        share = fraction.astype(np.float32)
+        for values, new in zip(self, other, strict=True):
+            own = values[:, rows]
+            values[:, rows] = own + share * (new - own)
 
     def predicted(self, travel: float, prior: float) -> Gain:
         """The gain after ``travel`` metres, over which it returns to the ``prior`` variance about one."""

@@ -79,10 +79,10 @@ class OtherMaterial:
         squared = np.square(innovation @ self._rotation) / variance
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
         densities -= 0.5 * layout.sum(np.log(variance))
-        peak = densities.max(axis=0)
+        peak = np.maximum.reduce(densities)
         densities -= peak
-        total = np.log((weights * np.exp(densities)).sum(axis=0)) + peak
+        total = np.log(np.add.reduce(weights * np.exp(densities))) + peak
         following = weights * np.exp(exponent * densities)
-        following /= following.sum(axis=0)
+        following /= np.add.reduce(following)
         following += -math.expm1(-travel / PATCH_LENGTH) * (1.0 / len(weights) - following)
-        return float(total[used].sum()), np.where(used, following, weights)
+        return float(used @ total), np.where(used, following, weights)

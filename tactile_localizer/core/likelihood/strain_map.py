@@ -10,7 +10,7 @@ from tactile_localizer.core.geometry.lattice import flatten_axes
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import WhitenedScan
-from tactile_localizer.core.likelihood.student_t import log_density, weight
+from tactile_localizer.core.likelihood.student_t import log_density, mahalanobis, weight
 from tactile_localizer.core.scan.interpolation import Expectation, interpolate, tiles
 from tactile_localizer.core.scan.tracks import PITCH
 from tactile_localizer.scene import Scene
@@ -163,15 +163,14 @@ def _fitted(
     for _ in range(_MOST_ITERATIONS):
         variance, gain = np.tensordot(factors[:3], terms, 1), factors[3]
         total, projected = variance + gain * energy, gain * product**2
-        log_weights = expected.log_prior[..., None]
-        log_weights = log_weights + log_density(squared, variance, widths, projected, gain * energy)
+        length = mahalanobis(squared, variance, projected, total)
+        log_weights = expected.log_prior[..., None] + log_density(length, variance, total, widths)
         weights = np.exp(log_weights - log_weights.max(axis=1, keepdims=True))
         weights /= weights.sum(axis=1, keepdims=True)
         # With S the scale matrix: r'S^-1 r, r'S^-2 r and the trace of S^-1; (m'S^-1 r)^2 and m'S^-1 m.
-        distance = np.maximum(squared - projected / total, 0.0) / variance
         even = (squared - projected * (2.0 - gain * energy / total) / total) / variance**2
         trace = (widths - gain * energy / total) / variance
-        tails = weights * weight(distance, widths)
+        tails = weights * weight(length, widths)
         found = np.append(np.tensordot(terms, tails * even, axes), np.sum(tails * (product / total) ** 2))
         bound = np.append(np.tensordot(terms, weights * trace, axes), np.sum(weights * energy / total))
         ratio = (factors * found + first / np.maximum(factors, 1e-300)) / (factors * bound + 1.0)

@@ -8,14 +8,10 @@ DEGREES_OF_FREEDOM = 8.0
 _ITERATIONS = 25
 
 
-def log_density(
-    squared: np.ndarray,
-    variance: np.ndarray,
-    channels: int | np.ndarray,
-    projected: np.ndarray | float = 0.0,
-    gain_variance: np.ndarray | float = 0.0,
+def mahalanobis(
+    squared: np.ndarray, variance: np.ndarray, projected: np.ndarray, total: np.ndarray
 ) -> np.ndarray:
-    """Log-density of a residual r up to a constant that depends on ``channels`` alone.
+    """Squared Mahalanobis length of a residual r.
 
     The scale matrix is A I + g m m', in units of the whitened variance, with m the signal and g the variance
     of the gain by which visits differ in it.
@@ -24,14 +20,26 @@ def log_density(
     ----------
     squared : (...) r'r
     variance : (...) A
-    channels : dimension of the residual
-    projected, gain_variance : (...) g (m'r)^2 and g m'm
+    projected : (...) g (m'r)^2
+    total : (...) A + g m'm, the variance along the signal
     """
-    total = variance + gain_variance
     left = np.maximum(squared - projected / total, 0.0)  # rounded, it could be negative
-    tails = np.log(variance + left * (1.0 / DEGREES_OF_FREEDOM))
-    scale = (DEGREES_OF_FREEDOM + 1.0) * np.log(variance) - np.log(total)
-    return np.asarray(-0.5 * ((DEGREES_OF_FREEDOM + channels) * tails - scale))
+    return np.asarray(left / variance)
+
+
+def log_density(
+    squared: np.ndarray, variance: np.ndarray, total: np.ndarray, channels: int | np.ndarray
+) -> np.ndarray:
+    """Log-density of a residual up to a constant that depends on ``channels`` alone.
+
+    Parameters
+    ----------
+    squared : (...) its squared Mahalanobis length, :func:`mahalanobis`
+    variance, total : (...) variances in the other directions and along the signal, as there
+    channels : dimension of the residual
+    """
+    tails = (DEGREES_OF_FREEDOM + channels) * np.log(1.0 + squared * (1.0 / DEGREES_OF_FREEDOM))
+    return np.asarray(-0.5 * (tails + (channels - 1.0) * np.log(variance) + np.log(total)))
 
 
 def weight(squared: np.ndarray, channels: int | np.ndarray | float) -> np.ndarray:

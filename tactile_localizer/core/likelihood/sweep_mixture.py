@@ -14,7 +14,7 @@ from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
-from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density, weight
+from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density, mahalanobis, weight
 
 _ALIKE = 0.3
 """Difference of two components, in noise widths of a visit, below which they are one. It saves time."""
@@ -27,61 +27,69 @@ _LARGEST_LOG_RATIO = 700.0
 
 
 class _Components(NamedTuple):
-    """The n components of M nodes, those of one node after those of another.
+    """The components of M nodes: the first of each, and n others, those of one node after those of another.
 
     Parameters
     ----------
-    counts, starts : (M,) int, number of a node's components, and the first of them
-    mean : (n, C) float32, whitened strain
-    variance : (F, n) float32, variance of a new visit about it
-    log_prior : (n,) float32
+    mean : (M, C) float32, whitened strain of the first component
+    spread : (F + 1, M) float32, variances of a new visit about it, and the logarithm of its prior
+    counts, starts : (M,) int, number of a node's other components, and the first of them
+    away : (n, C) float32, mean of the other components less that of the first
+    other_spread : (F + 1, n) float32, as ``spread``
     """
 
+    mean: np.ndarray
+    spread: np.ndarray
     counts: np.ndarray
     starts: np.ndarray
-    mean: np.ndarray
-    variance: np.ndarray
-    log_prior: np.ndarray
+    away: np.ndarray
+    other_spread: np.ndarray
 
 
 class _Residuals(NamedTuple):
-    """Residuals of a strain from the n components of N places, those of one place after those of another.
+    """Residuals of a strain at N places: from n components other than the first, then from the N first ones.
 
     Parameters
     ----------
-    place, starts : (n,) int, place of each component, and (N,) int, the first component of each place
-    squared : (F, n) float32, squared residual at the mean gain
-    product, energy : (F, n) float32, of the signal with the residual, and its squared length
-    spread : (F, n) float32, variance of the gain
-    variance : (F, n) float32, of a visit
-    log_prior : (n,) float32, of the components
+    place : (n,) int, place of each of the others
+    squared : (F, n + N) float32, squared residual at the mean gain
+    product, energy : (F, n + N) float32, of the signal with the residual, and its squared length
+    projected, along : (F, n + N) float32, square of the product, and energy, times the variance of the gain
+    variance : (F, n + N) float32, of a visit
+    log_prior : (n + N,) float32, of the components
     """
 
     place: np.ndarray
-    starts: np.ndarray
     squared: np.ndarray
     product: np.ndarray
     energy: np.ndarray
-    spread: np.ndarray
+    projected: np.ndarray
+    along: np.ndarray
     variance: np.ndarray
     log_prior: np.ndarray
 
-    def first(self, places: int) -> _Residuals:
-        """Those of the first ``places``."""
-        count = int(np.searchsorted(self.place, places))
-        each = (values[..., :count] for values in self[2:])
-        return _Residuals(self.place[:count], self.starts[:places], *each)
+    def first(self, values: np.ndarray) -> np.ndarray:
+        """Those of ``values`` (F, n + N) that belong to the first components, (F, N)."""
+        return values[:, len(self.place) :]
 
-    def log_likelihoods(self, variance: np.ndarray, channels: np.ndarray, used: np.ndarray) -> np.ndarray:
-        """Log-likelihoods (N,) of the phalanges ``used`` (F,) bool, with ``variance`` (F, n) of a visit."""
-        projected, along = self.spread * np.square(self.product), self.spread * self.energy
-        plain = log_density(self.squared, variance, channels, projected, along) + self.log_prior
-        if len(self.place) == len(self.starts):
-            return np.asarray(used @ plain.astype(np.float64))
-        # Relative to the first component, which is faster than to the largest of each place.
-        first = plain.take(self.starts, axis=1).astype(np.float64)
-        ratios = np.exp(np.minimum(plain - first.take(self.place, axis=1), _LARGEST_LOG_RATIO))
-        return np.asarray(used @ (first + np.log([np.bincount(self.place, each) for each in ratios])))
+    def likelihoods(
+        self, variance: np.ndarray, channels: np.ndarray, used: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Log-likelihoods (N,) of the phalanges ``used`` (F,) bool, with ``variance`` (F, n + N) of a visit.
+
+        And the squared Mahalanobis lengths (F, n + N) of the residuals.
+        """
+        total = variance + self.along
+        lengths = mahalanobis(self.squared, variance, self.projected, total)
+        plain = log_density(lengths, variance, total, channels) + self.log_prior
+        first, place = self.first(plain).astype(np.float64), self.place
+        if len(place):
+            # Relative to the first component, which is faster than to the largest of each place.
+            ratios = plain[:, : len(place)] - first.take(place, axis=1)
+            ratios = np.exp(np.minimum(ratios, _LARGEST_LOG_RATIO))
+            sums = np.array([np.bincount(place, each) for each in ratios])
+            first[:, : sums.shape[1]] += np.log(1.0 + sums)
+        return np.asarray(used @ first), lengths
 
 
 class OnMap(NamedTuple):
@@ -136,6 +144,7 @@ class SweepMixture:
         self._sums = layout.expand(np.eye(layout.phalanges, dtype=np.float32))
         self._components = self._distinct(strain_map)
         self.gain_variance = max(strain_map.gain, LEAST_VARIANCE)
+        self._turns = bool(strain_map.turning.any())
         self.excess = np.zeros(len(noise.centre))
         self._transform: np.ndarray | None = None
 
@@ -154,12 +163,16 @@ class SweepMixture:
         mean[:, 0] = np.einsum("mk,mkc->mc", share, mean)
         variance[:, 0] = np.einsum("mk,mkf->mf", share, variance)
         log_prior[:, 0] = np.log(first)
-        kept = ~alike
-        kept[:, 0] = True
-        counts = kept.sum(axis=1)
-        starts = counts.cumsum() - counts
-        by_phalanx = np.ascontiguousarray(variance[kept].T)
-        return _Components(counts, starts, mean[kept], by_phalanx, log_prior[kept])
+        other, spread = ~alike, np.concatenate([variance, log_prior[..., None]], axis=2)
+        counts = other.sum(axis=1)
+        return _Components(
+            mean[:, 0].copy(),
+            spread[:, 0].T.copy(),
+            counts,
+            counts.cumsum() - counts,
+            (mean - mean[:, :1])[other],
+            spread[other].T.copy(),
+        )
 
     def with_noise(self, excess: np.ndarray) -> SweepMixture:
         """The model of a sweep whose strains have more noise than the scan's, by ``excess`` (C,), V^2.
@@ -194,7 +207,7 @@ class SweepMixture:
         contact the yaw at which a phalanx deformed alike was preferred.
         """
         whitened, turning = self.whitened(strain), self.map.turning
-        if not turning.any():
+        if not self._turns:
             return self.drift.update(trend, whitened, map_strain, travel, exponent)
         states = places[: len(weights)]
         mean = weights @ states
@@ -202,12 +215,13 @@ class SweepMixture:
         known = exponent / (1.0 + noise / self.drift.variance)
         innovation, trend = self.drift.update(trend, whitened - mean @ turning, map_strain, travel, known)
         turned = ((places - mean) @ turning).astype(np.float32)
-        map_trend = innovation.map_trend - turned
-        return innovation._replace(map_trend=map_trend, turned=mean @ turning), trend
+        of_map = innovation.of_map + turned
+        return innovation._replace(of_map=of_map, turned=mean @ turning), trend
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """A strain vector (C,), V, in whitened coordinates."""
-        return self.noise.whitened(strain).clip(-_LARGEST_STRAIN, _LARGEST_STRAIN)
+        whitened = self.noise.whitened(strain)
+        return np.minimum(np.maximum(whitened, -_LARGEST_STRAIN), _LARGEST_STRAIN)
 
     def in_volts(self, strain: np.ndarray, whitened: np.ndarray) -> np.ndarray:
         """A strain vector (C,), V, moved to where it is ``whitened`` (W,)."""
@@ -216,7 +230,7 @@ class SweepMixture:
     def map_at(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Nodes (N,) nearest to places (N, d), and the whitened strain there (N, C), first component."""
         nodes = self.map.nearest(places)
-        return nodes, self._components.mean.take(self._components.starts.take(nodes), axis=0)
+        return nodes, self._components.mean.take(nodes, axis=0)
 
     def off_map(self, innovation: Innovation) -> tuple[np.ndarray, np.ndarray]:
         """Innovation (C,) of a strain from featureless material, and the variance (F,) of its level."""
@@ -240,51 +254,50 @@ class SweepMixture:
         ----------
         nodes : (N,) of the map, nearest to the places
         states : their number P
-        innovation : of the strain, with the map's trend at these N places
+        innovation : of the strain, and of the map at these N places
         gain : of the sweep's signal along the trajectories to these N places
         scale : (F,) of the squared residuals of the sweep, in those of the scan
         used : (F,) bool, phalanges that count
         """
         felt = self._residuals(nodes, states, innovation, gain)
-        larger = np.maximum(scale, 1.0).astype(np.float32)[:, None]
-        likelihoods = felt.log_likelihoods(felt.variance, self._channels, used)
+        variance, channels = felt.variance, self._channels
+        likelihoods, lengths = felt.likelihoods(variance, channels, used)
         at_states = position = likelihoods[:states]
-        if (larger > 1.0).any():
-            of_states = felt.first(states)
-            position = of_states.log_likelihoods(of_states.variance * larger, self._channels, used)
-        at = felt.starts
-        squared, product, energy, spread, variance = (each.take(at, axis=1) for each in felt[2:7])
-        gained, energies = spread * np.square(product), spread * energy
-        in_sweep = variance * larger
-        left = np.maximum(squared - gained / (in_sweep + energies), 0.0) / in_sweep
-        counted = weight(left, self._channels) / in_sweep
-        squared = np.maximum(squared - gained / (variance + energies), 0.0) / variance
-        squared = squared[:, :states] / (_MEAN_SQUARE * self._channels)
-        return OnMap(at_states, likelihoods[states:], position, squared, counted * energy, counted * product)
+        squared = felt.first(lengths)[:, :states] / (_MEAN_SQUARE * channels)
+        if (scale > 1.0).any():
+            variance = variance * np.maximum(scale, 1.0).astype(np.float32)[:, None]
+            in_sweep, lengths = felt.likelihoods(variance, channels, used)
+            position = in_sweep[:states]
+        counted = weight(felt.first(lengths), channels) / felt.first(variance)
+        information, product = counted * felt.first(felt.energy), counted * felt.first(felt.product)
+        return OnMap(at_states, likelihoods[states:], position, squared, information, product)
 
     def _residuals(self, nodes: np.ndarray, states: int, innovation: Innovation, gain: Gain) -> _Residuals:
         """Residuals of a strain from the components at states and anchors; see :meth:`on_map`."""
-        components = self._components
-        counts = components.counts.take(nodes)
-        counts[states:] = 1  # anchors: the first component alone
-        ends = counts.cumsum()
-        starts = ends - counts
-        place = np.arange(len(nodes)).repeat(counts)
-        rows = np.arange(len(place)) + (components.starts.take(nodes) - starts).take(place)
-        signal = components.mean.take(rows, axis=0)
-        signal -= innovation.map_trend.take(place, axis=0)
-        of_strain = innovation.of_strain.astype(np.float32)
+        components, signal, of_strain = self._components, innovation.of_map, innovation.of_strain
+        table, (mean, spread) = components.spread.take(nodes, axis=1), gain
+        table[-1, states:] = 0.0  # anchors: the first component alone
+        counts = components.counts.take(nodes[:states])
+        place = np.arange(states).repeat(counts)
+        if len(place):
+            before = components.starts.take(nodes[:states]) - (counts.cumsum() - counts)
+            rows = np.arange(len(place)) + before.take(place)
+            others = signal.take(place, axis=0)
+            others += components.away.take(rows, axis=0)
+            signal = np.concatenate([others, signal])
+            table = np.concatenate([components.other_spread.take(rows, axis=1), table], axis=1)
+            mean, spread = (np.concatenate([each.take(place, axis=1), each], axis=1) for each in gain)
+        variance, log_prior = table[:-1], table[-1]
+        of_strain = of_strain.astype(np.float32)
         if self._transform is not None:
             signal, of_strain = signal @ self._transform.T, self._transform @ of_strain
-        residual = of_strain - signal
-        energy, product = self._sums @ np.square(signal).T, self._sums @ (signal * residual).T
-        # From the residual of a gain of one to that of the mean gain.
-        more = 1.0 - gain.mean.take(place, axis=1)
-        squared = self._sums @ np.square(residual).T + more * (2.0 * product + more * energy)
-        product += more * energy
-        variance = components.variance.take(rows, axis=1)
         variance += self.noise.layout.mean(innovation.level_variance).astype(np.float32)[:, None]
-        log_prior = components.log_prior.take(rows)
-        log_prior[ends[states - 1] :] = 0.0
-        spread = gain.variance.take(place, axis=1)
-        return _Residuals(place, starts, squared, product, energy, spread, variance, log_prior)
+        residual = of_strain - signal
+        energy = self._sums @ np.square(signal).T
+        product = (self._sums * of_strain) @ signal.T - energy
+        # From the residual of a gain of one to that of the mean gain.
+        more = 1.0 - mean
+        squared = self._sums @ np.square(residual, out=residual).T + more * (2.0 * product + more * energy)
+        product += more * energy
+        projected, along = spread * np.square(product), spread * energy
+        return _Residuals(place, squared, product, energy, projected, along, variance, log_prior)

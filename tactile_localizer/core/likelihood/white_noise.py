@@ -42,8 +42,8 @@ class WhiteNoise(NamedTuple):
 
     def at(self, spacing: float) -> np.ndarray:
         """Variance (C,) at strains so far apart."""
-        upper = min(max(int(np.searchsorted(self.spacing, spacing)), 1), len(self.spacing) - 1)
-        near, far = self.spacing[upper - 1], self.spacing[upper]
+        upper = min(max(int(self.spacing.searchsorted(spacing)), 1), len(self.spacing) - 1)
+        near, far = self.spacing[upper - 1 : upper + 1].tolist()
         ratio = min(max((spacing - near) / max(far - near, 1e-12), 0.0), 1.0)
         return np.asarray(self.variance[upper - 1] * (1.0 - ratio) + self.variance[upper] * ratio)
 
@@ -106,6 +106,7 @@ class SweepNoise:
         self._kept: np.ndarray | None = None
         self._step: np.ndarray | None = None
         self._off = self._replaced = np.zeros(len(self._variance), dtype=bool)
+        self._jumped = False
 
     def observe(self, strain: np.ndarray, present: np.ndarray, travel: float) -> np.ndarray:
         """Take in a strain (C,), V, ``travel`` metres after the last one; ``present`` (C,) bool.
@@ -125,16 +126,20 @@ class SweepNoise:
         predicted = self._kept if self._step is None else self._kept + self._step
         squares = np.square(strain - predicted) / (6.0 * self._variance)
         off = squares > _SPIKE**2
-        if (off | self._off).any():
+        jumps = bool(np.count_nonzero(off))
+        if jumps or self._jumped:
             self.spikes = self.spikes + (self._replaced & ~off)  # the strain has returned: it was one
             self._replaced = off & ~self._off & is_predicted
             strain = np.where(self._replaced, predicted, strain)
             self._off = self._replaced if is_predicted else off
+            self._jumped = bool(np.count_nonzero(self._off))
         if is_predicted:
-            change = (np.minimum(squares, _BOUND) - _MEAN) * self._gain
+            gain = self._gain
+            change = (np.minimum(squares, _BOUND) - _MEAN) * gain
             self._variance = self._variance * (1.0 + change * present)
-            self._spacing += (travel - self._spacing) * self._gain
-        self._kept, self._step = strain, np.where(off, 0.0, strain - self._kept)  # a jump begins anew
+            self._spacing += (travel - self._spacing) * gain
+        step = strain - self._kept
+        self._kept, self._step = strain, np.where(off, 0.0, step) if jumps else step  # a jump begins anew
         return strain
 
     def excess(self, pitch: float) -> np.ndarray:
@@ -144,7 +149,7 @@ class SweepNoise:
         """
         usual = self._of_scan.at(self._spacing)
         noisy = self._variance > usual * (1.0 + _SIGNIFICANT * _ERROR * math.sqrt(self._gain))
-        if not noisy.any():
+        if not np.count_nonzero(noisy):
             return np.zeros_like(usual)
         more = np.where(noisy, self._variance - usual, 0.0)
         return np.asarray(more / max(pitch / max(self._spacing, 1e-9), 1.0))

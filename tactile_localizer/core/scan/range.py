@@ -44,7 +44,7 @@ class ScanRange:
     def strains_outside(self, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
         """Whether strains (..., C), V, are out of range in any ``present`` (..., F) phalanx: (...)."""
         outside = (strain < self.lower) | (strain > self.upper)
-        return np.asarray((outside & self.layout.expand(present)).any(axis=-1))
+        return np.logical_or.reduce(outside & self.layout.expand(present), axis=-1)
 
     def positions_outside(self, positions: np.ndarray, start: np.ndarray) -> np.ndarray:
         """Whether positions (..., d) are farther from ``start`` (d,) than the scene is long: (...)."""

@@ -43,15 +43,15 @@ def test_the_innovation_of_strain_less_map_is_that_of_their_difference(
         felt = np.concatenate([felt, expected[None]])
     for trajectory in range(trajectories):
         direct = of_strains(drift, strains - felt[:, trajectory])[-1]
-        found = innovation.of_strain + innovation.map_trend[trajectory] - expected[trajectory]
+        found = innovation.of_strain - innovation.of_map[trajectory]
         np.testing.assert_allclose(found, direct, atol=1e-4)
 
 
 def test_a_trajectory_continues_its_ancestor_and_what_was_injected_by_their_fractions() -> None:
     drift = Drift(np.inf, 1.0, np.ones(2))
     _, trend = drift.update(drift.start(2), np.zeros(2), np.array([[0, 0], [8, 8]], np.float32), STEP, 1.0)
-    mixed = trend.mixed(np.array([0]), trend.followed(np.array([1])), np.array([0.75]))
-    np.testing.assert_allclose(mixed.map_level[:, 0], [0.75 * 4.0, 4.0])
+    trend.mix(np.array([0]), trend.of_map[:, 1], np.array([0.75]))
+    np.testing.assert_allclose(trend.of_map[0, :, 0], [0.75 * 4.0, 4.0])
 
 
 @pytest.mark.parametrize("prior", [0.1, 1.0, 25.0])

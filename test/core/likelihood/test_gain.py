@@ -71,8 +71,7 @@ def test_each_trajectory_keeps_its_own() -> None:
 
 
 def test_what_is_new_of_a_state_has_its_part_of_the_gain() -> None:
-    before, rows, fraction = numbered(0.0, 3), np.array([2, 0]), np.array([0.25, 1.0])
-    found = before.mixed(rows, numbered(100.0, 2), fraction)
+    found, rows, fraction = numbered(0.0, 3), np.array([2, 0]), np.array([0.25, 1.0])
+    found.mix(rows, numbered(100.0, 2), fraction)
     np.testing.assert_allclose(found.mean, [[101.0, 1.0, 0.75 * 2.0 + 25.0], [103.0, 4.0, 0.75 * 5.0 + 25.5]])
     np.testing.assert_allclose(found.variance, 0.1 * found.mean, rtol=1e-6)
-    np.testing.assert_array_equal(before.mean, numbered(0.0, 3).mean)

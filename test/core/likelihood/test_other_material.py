@@ -87,7 +87,8 @@ def test_a_strain_in_another_unit_is_other_material_however_uncertain_a_place_of
     strain = volts * np.random.default_rng(0).standard_normal(4)
     total, _ = MATERIAL.update(MATERIAL.start(), strain, NONE, BOTH, TRAVEL, EXPONENT)
     signal = np.array([np.linalg.eigvalsh(SIGNAL[own, own]).max() for own in LAYOUT.slices])
-    there = log_density(LAYOUT.sum(strain**2), 0.5 * signal, LAYOUT.widths).sum()
+    variance = 0.5 * signal
+    there = log_density(LAYOUT.sum(strain**2) / variance, variance, variance, LAYOUT.widths).sum()
     assert total > there
 
 

@@ -47,7 +47,7 @@ def evaluated(
     layout = model.noise.layout
     nodes, expected = model.map_at(np.concatenate([STATES, STATES]))
     level = np.full(layout.size, level_variance)
-    innovation = Innovation(model.whitened(strain), np.zeros_like(expected), level)
+    innovation = Innovation(model.whitened(strain), expected, level)
     every = np.ones(layout.phalanges)
     scale, used = every if scale is None else scale, every.astype(bool) if used is None else used
     gain = gain or Gain.start(layout.phalanges, len(nodes), model.gain_variance)
