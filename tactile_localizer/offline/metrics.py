@@ -24,6 +24,10 @@ judgement: 0.42 to 1.9 in contact, at most 0.1 in magnitude on blank sheets of t
 _ROUNDING = 1e-9
 """Rounding error of a sum of many steps, m."""
 
+_CHI_SQUARED_95 = {1: 3.841458820694124, 2: 5.991464547107979, 3: 7.814727903251179}
+"""95 % quantiles of the chi-squared distribution by degrees of freedom: importing scipy.special for a number
+takes longer than the replay of a sweep."""
+
 _MIN_VARIANCE = 1e-18
 """Lower bound of the variance, m² (yaw: rad²): the covariance of identical particles is zero."""
 
@@ -49,12 +53,10 @@ def yaw_error(sweep: ReplayedSweep) -> np.ndarray:
 
 def covered(sweep: ReplayedSweep) -> np.ndarray:
     """Whether the 95 % region of each estimate holds the truth, (n,) 1 or 0; NaN where that is unknown."""
-    from scipy.special import chdtri
-
     values, vectors = np.linalg.eigh(sweep.covariance)
     along = np.einsum("ndk,nd->nk", vectors, deviation(sweep))
     squared = np.sum(along**2 / np.maximum(values, _MIN_VARIANCE), axis=1)
-    return np.where(np.isfinite(squared), squared <= chdtri(sweep.scene.dimension, 0.05), np.nan)
+    return np.where(np.isfinite(squared), squared <= _CHI_SQUARED_95[sweep.scene.dimension], np.nan)
 
 
 def statistics(values: np.ndarray) -> dict[str, Any]:

@@ -12,7 +12,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
@@ -78,6 +77,8 @@ class Trade:
 
         The sweeps are the same, so differences are more certain than the errors.
         """
+        from scipy.special import stdtrit
+
         found = self.errors - other.errors
         found = found[np.isfinite(found)]
         count = len(found)

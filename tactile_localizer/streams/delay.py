@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy import ndimage, stats
 
 from tactile_localizer.scene import Axis
 from tactile_localizer.streams.runs import NANOSECONDS
@@ -138,6 +137,8 @@ def estimate_delay(axes: tuple[Axis, ...], tracks: Sequence[Track]) -> Delay | N
     pairs = [(one, other) for one, other in pairwise(strokes) if one.velocity * other.velocity < 0.0]
     if len(pairs) < _MIN_PAIRS:
         return None
+    from scipy.special import stdtrit
+
     low, high = (end(end(each.along) for each in strokes) for end in (min, max))
     length = float(np.median([np.ptp(each.along) for each in strokes]))
     places = np.arange(low, high, length / _CELLS)
@@ -150,12 +151,12 @@ def estimate_delay(axes: tuple[Axis, ...], tracks: Sequence[Track]) -> Delay | N
         longest_s = min(_LONGEST_S, _MOST * length / float(np.median(np.abs(closing)))) / (1 + 4 * number)
         step_s, error_s, unique = _fit(misfits, closing * _CELLS / length, apart * _CELLS / length, longest_s)
         seconds, is_unique = seconds + step_s, is_unique and unique
-    quantile = stats.t(len(pairs) - 1).ppf
+    quantile = stdtrit(len(pairs) - 1, [0.975, 1.0 - _CHANCE / 2]).tolist()
     return Delay(
         seconds,
-        error_s * float(quantile(0.975)),
+        error_s * quantile[0],
         float(np.median(np.abs(closing))) * abs(seconds),
-        is_unique and abs(seconds) > max(_SHORTEST_S, error_s * quantile(1.0 - _CHANCE / 2)),
+        is_unique and abs(seconds) > max(_SHORTEST_S, error_s * quantile[1]),
     )
 
 
@@ -171,6 +172,9 @@ def _fit(
     apart : (p,) distances across the strokes, cells
     longest_s : longest delay, s
     """
+    from scipy.ndimage import minimum_filter1d
+    from scipy.special import stdtrit
+
     step_s = 0.5 / float(np.median(np.abs(closing)))
     number = max(2, round(longest_s / step_s))
     delays_s = step_s * np.arange(-number, number + 1)
@@ -187,10 +191,10 @@ def _fit(
     error_s = np.sqrt((count - 1) / count * np.sum((np.array(others) - np.mean(others)) ** 2))
     row = int(np.argmin(np.abs(delays_s - best)))
     total = of_pairs[slant].sum(axis=0)
-    minima = ndimage.minimum_filter1d(total, 3) == total
+    minima = minimum_filter1d(total, 3) == total
     rivals = np.flatnonzero(minima & (np.abs(np.arange(len(total)) - row) > 1))
     excess = of_pairs[slant][:, rivals] - of_pairs[slant][:, [row]]
-    chance = np.std(excess, axis=0, ddof=1) / np.sqrt(count) * stats.t(count - 1).ppf(0.95)
+    chance = np.std(excess, axis=0, ddof=1) / np.sqrt(count) * stdtrit(count - 1, 0.95)
     is_unique = bool(0 < row < len(total) - 1 and (np.mean(excess, axis=0) > chance).all())
     return best, float(error_s), is_unique
 
@@ -248,6 +252,8 @@ def _strokes(axes: tuple[Axis, ...], tracks: Sequence[Track]) -> list[_Stroke]:
                 found.append((track, place[rows] @ directions, rows))
     if not found:
         return []
+    from scipy.ndimage import uniform_filter1d
+
     spread = np.std(np.concatenate([track.strain[rows] for track, _, rows in found]), axis=0)
     strokes = []
     for track, place, rows in found:
@@ -255,6 +261,6 @@ def _strokes(axes: tuple[Axis, ...], tracks: Sequence[Track]) -> list[_Stroke]:
         forward = np.sign(place[-1, 0] - place[0, 0])
         along = forward * np.maximum.accumulate(forward * place[:, 0])
         strain = track.strain[rows] / np.where(spread > 0.0, spread, 1.0)
-        smooth = ndimage.uniform_filter1d(strain, 2 * (len(rows) // (2 * _CELLS)) + 1, axis=0)
+        smooth = uniform_filter1d(strain, 2 * (len(rows) // (2 * _CELLS)) + 1, axis=0)
         strokes.append(_Stroke(time_s, along, smooth, float(place[:, 1:].mean()) if len(plane) > 1 else 0.0))
     return strokes

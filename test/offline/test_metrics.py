@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 from support.replays import SHEET, replayed
 
 from tactile_localizer.offline.metrics import (
+    _CHI_SQUARED_95,
     covered,
     position_error,
     statistics,
@@ -34,6 +36,8 @@ def test_the_95_percent_region_of_a_consistent_covariance_covers_95_percent() ->
     assert covered(replayed(errors)).mean() == pytest.approx(0.95, abs=0.01)
     assert covered(replayed(3 * errors)).mean() < 0.4
     np.testing.assert_array_equal(covered(replayed([[0.001, 0.0], [0.0, 0.0]], std=0.0)), [0, 1])
+    for dimension, quantile in _CHI_SQUARED_95.items():
+        assert quantile == pytest.approx(stats.chi2(dimension).ppf(0.95))
 
 
 def test_without_truth_errors_are_unknown() -> None:

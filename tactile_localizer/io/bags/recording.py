@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tactile_localizer.errors import MeasurementError, ScanError, listed
 from tactile_localizer.io.bags.conversions import CONVERTED, TF, TF_STATIC, adapted_strain, converted_strain
@@ -220,6 +219,8 @@ def _from_tf(found: Mapping[str, list[_Arrived]], target: str, source: str) -> l
         names = sorted({name for each in transforms for name in (each.parent, each.child)})
         frames = f"the frames {listed(names)}, which do not connect them"
         raise ScanError(f"{TF}: expected moving transforms from {source} to {target}, found {frames}")
+    from scipy.spatial.transform import Rotation
+
     numbers = np.hstack([poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3]).as_quat()])
     values = zip(stamp_ns.tolist(), map(tuple, numbers.tolist()), strict=True)
     return [

@@ -1,6 +1,8 @@
 """What a filter needs of a scan is kept, and used only as long as it is what would be learned."""
 
 import dataclasses
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -38,6 +40,26 @@ def prepared(monkeypatch: pytest.MonkeyPatch) -> list[Scene]:
 def ready(path: Path, configuration: Configuration | None = None, scene: Scene | None = None) -> Localizer:
     scene = scene or ScanFolder(path).scene
     return ready_localizer(path, scene, configuration or Configuration(), np.random.default_rng(0)).localizer
+
+
+def test_a_start_from_what_was_kept_imports_no_scipy(path: Path) -> None:
+    """Which takes longer than all else: the pages promise how soon the first estimate is there."""
+    ready(path)
+    stamp_ns, position, strain, _ = next(iter(ScanFolder(path).recording().sweeps[0].samples()))
+    sample = f"{stamp_ns}, np.array({position.tolist()}), np.array({strain.tolist()})"
+    code = (
+        "import sys, numpy as np\n"
+        "import tactile_localizer.cli.replay, tactile_localizer.cli.recordings\n"
+        "from tactile_localizer.core.configuration import Configuration\n"
+        "from tactile_localizer.io.scans.folder import ScanFolder\n"
+        "from tactile_localizer.io.scans.learned import ready_localizer\n"
+        "scene, rng = ScanFolder(sys.argv[1]).scene, np.random.default_rng(0)\n"
+        "localizer = ready_localizer(sys.argv[1], scene, Configuration(), rng).localizer\n"
+        f"localizer.update({sample})\n"
+        "print([name for name in sys.modules if name.partition('.')[0] == 'scipy'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
 
 
 def estimates(localizer: Localizer, path: Path) -> list[Estimate]:
