@@ -89,7 +89,9 @@ def test_the_score_is_beside_that_of_ignorance(examined: tuple[float, Examinatio
 def test_a_single_sweep_cannot_be_examined() -> None:
     line = Scene("line", (Axis("x", 0.0, 0.1),), (Phalanx("index", (0.0,), 2),))
     x, rng = np.arange(0.0, 0.1, 0.0005), np.random.default_rng(0)
-    examination = learn(slides(line, x, [rng.standard_normal((len(x), 2))]), line).examination
+    calibration = learn(slides(line, x, [rng.standard_normal((len(x), 2))]), line)
+    examination = calibration.examination
+    assert calibration.material is Material.CLOTH, "of the level of a sweep nothing is known"
     assert examination == Examination()
     assert examination.information_length == UNEXAMINED
     assert examination.score == examination.ignorance
