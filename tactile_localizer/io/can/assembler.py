@@ -1,30 +1,45 @@
-"""Assembly of frames into cycles: the strain of all phalanges at one time.
+"""Assembly of the samples of load cells into cycles: the strain of all phalanges at one time.
 
-A cycle begins where :mod:`~tactile_localizer.io.can.cut` says. It closes when all its frames have been
-received, when the next one begins, or after a silence. A phalanx without a complete sample is ``MISSING`` and
-its voltages are NaN.
+Each load cell completes its own samples (:mod:`~tactile_localizer.io.can.load_cell`), and sends one per
+cycle, in an order that lasts. So a cycle ends with the last sample that it lacks, or when a load cell
+completes another one, at any pace, and however late the bus delivers. A phalanx without a sample is
+``MISSING``, and its voltages are NaN.
 
-Counters do not cut cycles. They count losses, and reveal frames of one load cell that belong to two samples.
+Time decides only which load cell comes first, and of which cycle a sample is before which others were lost:
+the first one is behind the largest gap, which is followed as the phases of the load cells drift. A wrong
+choice costs the age of samples, or one of each load cell when it is mended, but none is composed of two.
+
+Without counters, a sample behind losses is not distinguishable from one that is late with the whole bus, as
+long as none was received that usually follows it. It is taken as late, so that one cycle can mix samples.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import can
 import numpy as np
 
-from tactile_localizer.io.can.counter import MAX_LATE, RollingCounter
-from tactile_localizer.io.can.cut import LONGEST_PERIOD_NS, PAUSE_NS, CycleCut, Pace
+from tactile_localizer.io.can.counter import RollingCounter
+from tactile_localizer.io.can.load_cell import (
+    GAPS,
+    LONGEST_PERIOD_NS,
+    LoadCell,
+    PhalanxCounts,
+    Stream,
+    Taken,
+    are_larger,
+)
 from tactile_localizer.io.can.protocol import FrameKind, LoadCellProtocol
 from tactile_localizer.io.status import FAULT, MISSING, SATURATED
 
+PAUSE_NS = 2 * LONGEST_PERIOD_NS
+"""Silence of the whole bus from which the hand may have been off: nothing is lost, counters begin anew."""
+
 FLUSHED = 3
 """Number of periods of silence after which an open cycle is closed."""
-
-CONFIRMATIONS = 8
-"""Cycles in a row with frames of different samples after which the counters of two messages are separate."""
 
 
 @dataclass(frozen=True)
@@ -43,36 +58,6 @@ class Cycle:
     strain: np.ndarray
     status: np.ndarray
     sequence: np.ndarray
-
-
-@dataclass
-class PhalanxCounts:
-    """Totals of one phalanx.
-
-    Attributes
-    ----------
-    samples : complete samples
-    missing : cycles without voltages of this phalanx
-    drops : frames sent that are in no cycle, according to the counter; those before it is known where cycles
-        begin are not lost
-    jumps : frames whose counter neither continues nor shows losses: a restart, or two senders with the same
-        identifiers
-    saturated, faults : samples with that status
-    last_ns : receive time of the last frame used, ns; 0 before the first
-    cycles_per_sample : usual number of cycles, which are as fast as the fastest load cell; 1.0 unless slower,
-        0.0: not known yet
-    counter : reason why its counter is not used, continuing "the counter"; else empty
-    """
-
-    samples: int = 0
-    missing: int = 0
-    drops: int = 0
-    jumps: int = 0
-    saturated: int = 0
-    faults: int = 0
-    last_ns: int = 0
-    cycles_per_sample: float = 0.0
-    counter: str = ""
 
 
 @dataclass
@@ -95,87 +80,6 @@ class BusCounts:
     suspects: dict[int, bytes] = field(default_factory=dict)
 
 
-@dataclass(slots=True, eq=False)
-class _Stream:
-    """Frames of one message.
-
-    Attributes
-    ----------
-    cell : load cell that sends it
-    place : of its data in those of a cycle
-    pace : times of the frames
-    sequence : number of the sample
-    value, samples : value of the counter of that frame, and samples by which it is ahead of the one before
-    lead : usual difference of its counter from that of the load cell's first message; ``None``: unknown
-    """
-
-    cell: _LoadCell = field(repr=False)
-    place: slice
-    counter: RollingCounter | None
-    pace: Pace
-    sequence: int = 0
-    value: int = 0
-    samples: int = 1
-    lead: int | None = None
-
-
-@dataclass(slots=True, eq=False)
-class _LoadCell:
-    """Messages of one load cell.
-
-    Attributes
-    ----------
-    is_common : whether its messages were seen to share a counter: it was equal again after a loss in one
-    torn : number of cycles in a row whose frames are of different samples by the counters
-    """
-
-    streams: list[_Stream] = field(default_factory=list)
-    counts: PhalanxCounts = field(default_factory=PhalanxCounts)
-    is_common: bool = False
-    torn: int = 0
-
-    def forget(self) -> None:
-        """Forget how far apart the counters are, unless they were seen to be a common one."""
-        for stream in () if self.is_common else self.streams:
-            stream.lead = None
-
-    def settle(self) -> bool:
-        """Decide that the counters are separate, unless a common one was seen; returns whether they are."""
-        self.torn += 1
-        if self.is_common and self.torn < CONFIRMATIONS:
-            return False
-        for stream, counter, lead in self.leads():
-            behind = round(abs(lead) / counter.step)
-            self.counts.drops += behind if counter.is_sure and behind <= MAX_LATE else 0
-            stream.lead = (stream.lead or 0) + lead
-        self.torn, self.is_common = 0, False
-        return True
-
-    def leads(self) -> list[tuple[_Stream, RollingCounter, int]]:
-        """Messages whose newest frame is not of the sample of the first message's, and by how much."""
-        first = self.streams[0].counter
-        found = []
-        for stream in self.streams[1:]:
-            if (
-                stream.lead == stream.value - self.streams[0].value
-                and stream.samples == self.streams[0].samples
-            ):
-                continue
-            own = stream.counter
-            if first is None or own is None or first.span != own.span or not first.step == own.step > 0:
-                continue
-            if stream.lead is None:
-                stream.lead = own.ahead_of(stream.value, self.streams[0].value)
-            lead = own.ahead_of(stream.value, self.streams[0].value + stream.lead)
-            if 2 * abs(lead) > own.step:
-                found.append((stream, own, lead))
-            elif stream.samples != self.streams[0].samples:
-                self.is_common = True
-        if not found:
-            self.torn = 0
-        return found
-
-
 class CycleAssembler:
     """Assembles frames into cycles.
 
@@ -184,44 +88,56 @@ class CycleAssembler:
     protocol : layout of the frames
     period_s : longest period of load cells that send irregularly, s; 0: estimated, as that of the fastest
         load cell
+
+    Attributes
+    ----------
+    counts : totals
+    period_ns : given, or that of the fastest load cell, ns; 0: not estimated yet
     """
 
     def __init__(self, protocol: LoadCellProtocol, period_s: float = 0.0) -> None:
-        self._cells = [_LoadCell() for _ in protocol.phalanges]
-        self._cut = CycleCut(len(protocol.messages), round(period_s * 1e9))
+        self._cells = [LoadCell() for _ in protocol.phalanges]
         self._streams = []
-        for slot, (message, pace) in enumerate(zip(protocol.messages, self._cut.paces, strict=True)):
+        for slot, message in enumerate(protocol.messages):
             cell = self._cells[message.phalanx]
             counter = RollingCounter(len(message.counter_values)) if message.counter else None
-            cell.streams.append(_Stream(cell, protocol.bytes_of(slot), counter, pace))
+            cell.streams.append(Stream(cell, protocol.bytes_of(slot), counter))
             self._streams.append(cell.streams[-1])
-        self._paired = [cell for cell in self._cells if len(cell.streams) > 1]
         self.counts = BusCounts([cell.counts for cell in self._cells])
+        self.period_ns, self._is_estimated = round(period_s * 1e9), not period_s
         self._protocol = protocol
-        self._data = bytearray(protocol.size)  # of the frames of the open cycle
+        self._frames = bytearray(protocol.size)  # newest frames
+        self._data = bytearray(protocol.size)  # of the samples in the open cycle
         self._cycles: list[Cycle] = []  # closed, not yet returned
-        self._received: set[_Stream] = set()  # those with a frame in the open cycle; none is open without any
-        self._first_ns = 0  # stamp of its first frame
-        self._moves = 0  # of the cut, after which other frames are in one cycle
-        self._torn: list[_LoadCell] = []  # load cells whose frames in it are of different samples
-
-    @property
-    def period_ns(self) -> int:
-        """Period of the cycles, ns; 0: not estimated yet."""
-        return self._cut.period_ns
+        self._ready: list[LoadCell] = []  # those with a sample in the open cycle, in order
+        self._first = (
+            self._cells[0] if len(self._cells) == 1 else None
+        )  # with which cycles begin; None: unknown
+        self._is_aligned = False  # whether its sample was received since the start, a pause, or a change
+        self._begin_ns = 0  # of the open cycle, also if its first sample was lost
+        self._passed_ns = 0  # usual lag of that sample in it which is usually the last
+        self._late_ns = 0  # time by which it was later in its cycle than usual
+        self._gap_ns, self._behind = (
+            0,
+            self._cells[0],
+        )  # largest gap within the open cycle, and what came behind
+        self._gaps_ns: deque[int] = deque(maxlen=GAPS)  # before the newest cycles
+        self._durations_ns: deque[int] = deque(maxlen=GAPS)  # of the newest cycles
+        self._number = 0  # of the open cycle
+        self._sample_ns = 0  # stamp of the newest sample
+        self._frame_ns = 0  # stamp of the newest frame
+        self._stamp_ns = 0  # of the newest cycle
 
     def reset(self) -> None:
         """Close the open cycle and forget the counters, as after a pause. Totals and the period are kept."""
         self._close()
-        self._cut.restart()
-        for stream in self._streams:
-            stream.pace.last_ns = 0
-            if stream.counter is not None:
-                stream.counter.newest = None
+        self._align(self._first)
+        for cell in self._cells:
+            cell.restart()
 
     def has_received(self, slot: int) -> bool:
         """Whether frames of a message were received since the last pause."""
-        return bool(self._streams[slot].pace.last_ns)
+        return bool(self._streams[slot].newest_ns)
 
     def feed(self, frames: Sequence[can.Message], oldest_ns: int = 0) -> list[Cycle]:
         """Process frames in order of reception; returns the cycles that they complete or close.
@@ -230,11 +146,7 @@ class CycleAssembler:
         late, too.
         """
         for frame in frames:
-            if frame.timestamp * 1e9 < oldest_ns:
-                self._close()
-                self.counts.frames[FrameKind.LATE] += 1
-            else:
-                self.counts.frames[self._take(frame)] += 1
+            self.counts.frames[self._take(frame, oldest_ns)] += 1
         cycles, self._cycles = self._cycles, []
         return cycles
 
@@ -245,53 +157,61 @@ class CycleAssembler:
         """
         if self.remaining_ns(now_ns) == 0:
             self._close()
-            self._cut.restart()
         return self.feed([])
 
     def remaining_ns(self, now_ns: int) -> int | None:
         """Time from ``now_ns`` until the open cycle is flushed, ns; ``None`` if none is open."""
-        if not self._received:
+        if not self._ready:
             return None
         silence_ns = FLUSHED * (self.period_ns or LONGEST_PERIOD_NS)
-        remaining_ns = self._cut.last_ns + silence_ns - now_ns
+        remaining_ns = self._frame_ns + silence_ns - now_ns
         return remaining_ns if 0 < remaining_ns <= 2 * silence_ns else 0  # else the clock was set back
 
-    def _take(self, frame: can.Message) -> FrameKind:
+    def _take(self, frame: can.Message, oldest_ns: int) -> FrameKind:
         """Use a frame; returns its kind, or the reason why it is not used."""
         kind, slot, value = self._protocol.classify(frame)
         if kind:
             if kind != FrameKind.ERROR:
                 self.counts.misfits[slot] = frame
             return kind
-        stream = self._streams[slot]
-        stamp_ns = int(frame.timestamp * 1e9)
-        if abs(stamp_ns - self._cut.last_ns) > PAUSE_NS:
+        stream, stamp_ns = self._streams[slot], int(frame.timestamp * 1e9)
+        if abs(stamp_ns - self._frame_ns) > PAUSE_NS:
             self.reset()
-        samples, counter = 1, stream.counter
+        self._frame_ns = stamp_ns
+        cell, counter, samples = stream.cell, stream.counter, 1
         if counter is not None:
-            has_wrapped = self._cut.number - stream.pace.cycle >= counter.span  # possibly
+            has_wrapped = self._number - stream.cycle >= counter.span  # possibly
             if has_wrapped or not counter.follows(value):
                 samples = self._advance(stream, counter, value, stamp_ns)
                 if samples <= 0:
                     return FrameKind.OUT_OF_ORDER if samples else FrameKind.DUPLICATE
         stream.sequence += samples
-        stream.cell.counts.last_ns = stamp_ns
-        if self._cut.take_into_previous(stream.pace, stamp_ns):
-            stream.cell.counts.drops += self._cut.is_known and counter is not None
+        stream.value, stream.samples = value, samples
+        cell.counts.last_ns = stamp_ns
+        is_late = stamp_ns < oldest_ns
+        taken = Taken.PART if is_late else cell.take(stream, stamp_ns)
+        stream.newest_ns, stream.cycle = stamp_ns, self._number
+        if is_late:
+            cell.drop()
+            self._close()
+            return FrameKind.LATE
+        if taken is Taken.LATE:
             return FrameKind.OUT_OF_ORDER
-        self._place(stream, frame, stamp_ns, value, samples)
+        self._frames[stream.place] = frame.data
+        if taken is Taken.WHOLE:
+            self._add(cell)
         return FrameKind.DATA
 
-    def _advance(self, stream: _Stream, counter: RollingCounter, value: int, stamp_ns: int) -> int:
+    def _advance(self, stream: Stream, counter: RollingCounter, value: int, stamp_ns: int) -> int:
         """Samples by which a frame is ahead of the newest of its message; counts those between as lost."""
         if counter.newest is None:
             counter.advance(value, 1.0, 1.0)
             stream.sequence += (value - stream.sequence) % counter.span - 1
             return 1
-        counts, jumps, pace = stream.cell.counts, counter.jumps, stream.pace
-        cycles = self._cut.cycles_since(pace, stamp_ns) / (pace.cycles_per_sample or 1.0)
-        elapsed_ns = stamp_ns - pace.last_ns
-        periods = elapsed_ns / (pace.period_ns or self.period_ns or elapsed_ns or 1)
+        counts, jumps = stream.cell.counts, counter.jumps
+        cycles = (self._number - stream.cycle) / (counts.cycles_per_sample or 1.0)
+        elapsed_ns = stamp_ns - stream.newest_ns
+        periods = elapsed_ns / (stream.cell.period_ns or self.period_ns or elapsed_ns or 1)
         # While the others send, their cycles are more exact than the time.
         samples = counter.advance(value, cycles if cycles > 1 else periods, max(periods, cycles))
         counts.drops += max(0, samples - 1)
@@ -299,56 +219,143 @@ class CycleAssembler:
         counts.counter = counter.problem
         return samples
 
-    def _place(self, stream: _Stream, frame: can.Message, stamp_ns: int, value: int, samples: int) -> None:
-        """Use a frame in the open cycle, or in a new one."""
-        is_again, pace = stream in self._received, stream.pace
-        if is_again and stream.cell in self._torn and not self._cut.cycles_since(pace, stamp_ns):
-            is_again = False  # the frame before was late
-            self.counts.frames[FrameKind.DATA] -= 1
-            self.counts.frames[FrameKind.OUT_OF_ORDER] += 1
-            stream.cell.counts.drops += 1
-        if self._cut.take(pace, stamp_ns, samples, is_again or not self._received):
-            self._close()
-            self._first_ns = stamp_ns
-        if not self._cut.is_aligned:
-            stream.cell.counts.drops += self._cut.is_known and stream.counter is not None
+    def _add(self, cell: LoadCell) -> None:
+        """Use a sample in the open cycle, or in a new one."""
+        if cell.cycle < self._number - 1 and self._is_of_previous(cell):
+            cell.lag_ns = None
             return
-        if self._moves < self._cut.moves:
-            self._moves = self._cut.moves
-            for cell in self._paired:
-                cell.forget()
-        stream.value, stream.samples = value, samples
-        self._data[stream.place] = frame.data
-        self._received.add(stream)
-        if len(self._received) == len(self._streams):
-            self._torn = [cell for cell in self._paired if cell.leads()]
-            if not self._torn:  # else the right frames can still come
+        self._follow(cell)
+        self._ready.append(cell)
+        for stream in cell.streams:
+            self._data[stream.place] = self._frames[stream.place]
+        if not self._is_aligned:
+            return
+        lag_ns = cell.end_ns - self._begin_ns
+        if cell.lag_ns is not None:
+            self._late_ns = lag_ns - cell.lag_ns
+            self._passed_ns = max(self._passed_ns, cell.lag_ns)
+        cell.lag_ns = lag_ns
+        if cell.note(self._number):
+            self._compare(cell)
+        if len(self._ready) == len(self._cells):
+            self._close()
+
+    def _follow(self, cell: LoadCell) -> None:
+        """Follow the cycles with the newest sample, which may be the first one of a cycle."""
+        gap_ns, self._sample_ns = cell.end_ns - self._sample_ns, cell.end_ns
+        if 0 <= gap_ns <= PAUSE_NS:  # else it is the first one, or the clock was set
+            cell.gaps_ns.append(gap_ns)
+        if not self._is_aligned:
+            self._find_begin(cell)
+        elif not self._ready or cell in self._ready or self._is_next(cell):
+            self._close()
+            if self._is_misplaced():
+                self._align(self._behind)
+            else:
+                self._begin(cell)
+        elif gap_ns > self._gap_ns:
+            self._gap_ns, self._behind = gap_ns, cell
+
+    def _begin(self, first: LoadCell) -> None:
+        """Begin a cycle with the newest sample of a load cell."""
+        self._first, self._is_aligned = first, True
+        self._number += 1
+        begin_ns = first.end_ns - (first.lag_ns or 0)
+        self._durations_ns.append(begin_ns - self._begin_ns if self._begin_ns else first.gap_ns())
+        self._gaps_ns.append(first.gap_ns())
+        self._begin_ns, self._gap_ns, self._passed_ns = begin_ns, 0, 0
+
+    def _align(self, first: LoadCell | None) -> None:
+        """Wait for the sample with which a cycle begins; those before it are in none."""
+        self._ready.clear()
+        self._is_aligned, self._gap_ns = False, 0
+        if first is not self._first:
+            self._first = first
+            for cell in self._cells:
+                cell.lag_ns = None
+
+    def _find_begin(self, cell: LoadCell) -> None:
+        """Begin a cycle with the sample that is waited for, or else with the one behind the largest gap."""
+        if cell in self._ready:  # all were received since, or are silent
+            is_whole = len(self._ready) == len(self._cells)
+            first = max(self._ready, key=LoadCell.gap_ns)
+            if first is not cell:
+                self._ready = [one for one in self._ready[self._ready.index(first) :] if one is not cell]
+                self._begin(first)
+                return
+            if is_whole:
+                self._is_aligned = True
                 self._close()
+            self._align(first)
+        if cell is self._first:
+            self._ready.clear()
+            self._begin(cell)
+
+    def _is_of_previous(self, cell: LoadCell) -> bool:
+        """Whether a sample is of the cycle before, which lacks it: it is earlier than usual in this one."""
+        if cell.lag_ns is None or cell.counts.cycles_per_sample > 1.0:
+            return False
+        return 2 * (self._begin_ns + cell.lag_ns - cell.end_ns) > self._shortest_ns()
+
+    def _is_next(self, cell: LoadCell) -> bool:
+        """Whether a sample is not of the open cycle, of which the one of its load cell was lost.
+
+        If none was lost, all are late: then none was received that usually follows.
+        """
+        if cell.lag_ns is None:
+            return False
+        late_ns = cell.end_ns - self._begin_ns - cell.lag_ns - self._late_ns
+        if late_ns <= 0 or 2 * late_ns <= self._shortest_ns():
+            return False
+        was_passed = cell.lag_ns < self._passed_ns and cell.counts.cycles_per_sample <= 1.0
+        return was_passed or any(stream.samples > 1 for stream in cell.streams)
+
+    def _is_misplaced(self) -> bool:
+        """Whether cycles should begin elsewhere: the gap before another sample has been larger in several.
+
+        Cycles that a sender sends at once, after it was put aside, have gaps of no meaning.
+        """
+        if self._gap_ns <= self._gaps_ns[-1] or not are_larger(self._behind.gaps_ns, self._gaps_ns):
+            return False
+        period_ns = min((cell.period_ns for cell in self._cells if cell.period_ns), default=0.0)
+        return 2 * max(self._durations_ns) > period_ns
+
+    def _shortest_ns(self) -> int:
+        """Period of the cycles: the usual one, or if shorter the longest of the newest ones."""
+        period_ns = self.period_ns or LONGEST_PERIOD_NS
+        return min(max(self._durations_ns, default=period_ns), period_ns)
+
+    def _compare(self, cell: LoadCell) -> None:
+        """Estimate the period of the fastest load cell, and how slow another one is."""
+        sending = [one.period_ns for one in self._cells if one.is_sending(cell.end_ns)]
+        fastest_ns = round(min(*sending, cell.period_ns, LONGEST_PERIOD_NS))
+        cell.compare(fastest_ns)
+        if self._is_estimated:
+            self.period_ns = fastest_ns
 
     def _close(self) -> None:
-        if not self._received:
+        """End the open cycle."""
+        ready, self._ready = self._ready, []
+        if not ready or not self._is_aligned:
             return
-        received, self._received = self._received, set()
-        if len(received) < len(self._streams):
-            self._torn = [cell for cell in self._paired if received.issuperset(cell.streams) and cell.leads()]
+        begin_ns = min(cell.begin_ns for cell in ready)
+        if begin_ns <= self._stamp_ns <= self._frame_ns:  # of a sample that began before the cycle before
+            begin_ns = self._stamp_ns + 1
+        self._stamp_ns = begin_ns
         strain, status = self._protocol.decode(self._data)
         self.counts.cycles += 1
         for p, cell in enumerate(self._cells):
-            cell.counts.cycles_per_sample = cell.streams[-1].pace.cycles_per_sample
-            if received.issuperset(cell.streams) and (cell not in self._torn or cell.settle()):
+            if cell in ready:
                 cell.counts.samples += 1
             else:
                 cell.counts.missing += 1
                 strain[self._protocol.channels.slices[p]] = np.nan
                 status[p] = MISSING
-        self._torn = []
         if status.any():
             for p, (cell, bits) in enumerate(zip(self._cells, status, strict=True)):
                 if bits & (SATURATED | FAULT):
                     self.counts.suspects[p] = bytes(self._data)
                 cell.counts.saturated += bool(bits & SATURATED)
                 cell.counts.faults += bool(bits & FAULT)
-        first = [cell.streams[0] for cell in self._cells]
-        numbers = [stream.sequence if stream.counter else self.counts.cycles for stream in first]
-        sequence = np.array(numbers).astype(np.uint32)
-        self._cycles.append(Cycle(self._first_ns, strain, status, sequence))
+        numbers = [cell.sequence if cell.streams[0].counter else self.counts.cycles for cell in self._cells]
+        self._cycles.append(Cycle(begin_ns, strain, status, np.array(numbers).astype(np.uint32)))

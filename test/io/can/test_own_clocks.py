@@ -59,11 +59,12 @@ def test_cycles_are_complete_at_any_phases(tmp_path: Path, cells: int, seed: int
 
 
 @pytest.mark.parametrize("cells", [5, 8, 14])
-@pytest.mark.parametrize("seed", range(3))
-def test_jitter_that_exchanges_frames_tears_few_cycles(tmp_path: Path, cells: int, seed: int) -> None:
-    times_s = [np.sort(own_s) for own_s in clocks(cells, seed, 6.0, jitter_s=1e-3)]
-    cycles = cycles_of(hand(tmp_path, cells), times_s, set())
-    assert len(complete(cycles)) >= 0.95 * max(300, len(cycles))
+def test_jitter_that_exchanges_frames_tears_few_cycles(tmp_path: Path, cells: int) -> None:
+    own, cycles = hand(tmp_path, cells), list[Cycle]()
+    for seed in range(4):
+        times_s = [np.sort(own_s) for own_s in clocks(cells, seed, 6.0, jitter_s=1e-3)]
+        cycles += cycles_of(own, times_s, set())
+    assert len(complete(cycles)) >= 0.97 * max(4 * 300, len(cycles))
     assert all(np.ptp(one.strain) <= 2 for one in complete(cycles))
 
 
@@ -99,9 +100,9 @@ def test_losses_from_bursts_neither_mix_samples_nor_split_cycles(
     found = [one.strain[np.isfinite(one.strain)] for one in cycles]
     assert [np.ptp(strain) for strain in found] == [0.0] * len(found)
     numbers = [int(strain[0]) for strain in found]
-    assert numbers == list(range(1, numbers[-1] + 1))
+    assert numbers == list(range(numbers[-1] + 1))
     assert numbers[-1] >= 298
-    assert [{*one.sequence.tolist()} for one in cycles] == [{n} for n in numbers]
+    assert [{*one.sequence.tolist()} for one in cycles] == [{n + 1} for n in numbers]
     assert [len(strain) for strain in found] == [
         cells - sum((k, n) in lost for k in range(cells)) for n in numbers
     ]
