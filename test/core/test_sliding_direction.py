@@ -1,0 +1,57 @@
+"""A hand that slides in another direction than that of the scan: friction turns with it."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tactile_localizer.core.calibration.calibration import Calibration
+from tactile_localizer.core.calibration.examination import Examination
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer
+from tactile_localizer.core.hypotheses.convergence import State
+from tactile_localizer.core.likelihood.material import Material
+from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.sim import shipped_scene, simulate_scan, simulate_sweep
+
+NEAR, FAR = (0.004, 0.0381), (0.048, 0.0381)
+"""Ends of a stroke along x on which a finger meets the bump."""
+
+
+@pytest.fixture(scope="module")
+def localizer() -> Localizer:
+    """On a bump that was scanned towards +x."""
+    scene = shipped_scene("bump")
+    known = Calibration(np.full(2, 1e-3), Material.SHEET, examination=Examination(0.003))
+    scan = simulate_scan("bump", 1, rate=50.0)
+    return build_localizer(scan, scene, Configuration(), np.random.default_rng(0), calibration=known)
+
+
+def states(localizer: Localizer, *ends: tuple[float, float]) -> list[State]:
+    """The states along one sweep, with straight strokes between the ``ends``."""
+    localizer.reset()
+    stamp, found = 0, []
+    for number, (start, end) in enumerate(pairwise(ends)):
+        stroke = simulate_sweep("bump", 2, number, start=start, end=end, rate=50.0)
+        assert stroke.truth is not None
+        for place, strain in zip(stroke.truth, stroke.strain, strict=True):
+            stamp += 20_000_000
+            found.append(localizer.update(stamp, place, strain).state)
+    return found
+
+
+def test_a_hand_that_slides_as_the_scan_did_converges(localizer: Localizer) -> None:
+    assert states(localizer, NEAR, FAR)[-1] is State.CONVERGED
+
+
+def test_the_opposite_direction_is_other_material(localizer: Localizer) -> None:
+    found = states(localizer, FAR, NEAR)
+    assert State.CONVERGED not in found
+    assert found[-1] is State.UNKNOWN
+
+
+def test_a_hand_that_turns_round_is_lost(localizer: Localizer) -> None:
+    there, back = len(states(localizer, NEAR, FAR)), states(localizer, NEAR, FAR, NEAR)
+    assert back[there - 1] is State.CONVERGED
+    assert State.LOST in back[there : there + 100]
+    assert back[-1] is not State.CONVERGED
