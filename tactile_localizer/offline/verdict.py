@@ -70,9 +70,7 @@ class Verdict:
             f"{'localized' if self.success else 'NOT localized'}: "
             f"{self.right} of {counted(self.expected, 'sweep')} "
             f"{'right' if self.has_truth else 'converged'}, {self.wrong} ever wrong, "
-            f"{self.lost} lost again, {self.never} never"
-            + f"; {self.early} converged before contact"
-            * (self.early > 0)
+            f"{self.lost} lost again, {self.never} never" + f"; {self.early} early" * (self.early > 0)
         )
 
 

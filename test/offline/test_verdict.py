@@ -64,6 +64,13 @@ def test_a_sweep_that_was_ever_converged_off_the_position_is_wrong() -> None:
     assert counts(right, replayed(errors, converged=np.arange(10) > 5, **TOUCHES))[-1]
 
 
+def test_the_line_of_eighteen_sweeps_fits_a_terminal() -> None:
+    early = replayed(np.zeros((10, 2)), converged=np.arange(10) >= 2, **TOUCHES)
+    line = str(judge([early] * 18))
+    assert line.endswith("18 of 18 sweeps right, 0 ever wrong, 0 lost again, 0 never; 18 early")
+    assert len(line) <= 80
+
+
 def test_a_wrong_yaw_is_a_wrong_position() -> None:
     scene = replace(SHEET, axes=(SHEET.axes[0], Axis("yaw", -math.pi, math.pi)))
     turned = replayed([[0.0, 2 * math.pi - 0.1], [0.0, 0.3]], converged=[True, True], scene=scene)
