@@ -54,6 +54,7 @@ def replay_report(evaluation: Evaluation, document: Mapping[str, Any], notes: Se
     if verdict.has_truth:
         radius = describe_sizes(evaluation.scene, evaluation.localizer.criteria.radius)
         explained = f"Right: converged at the end of contact or sweep, and never off by more than {radius}."
+        explained += " Early: before contact." * (verdict.early > 0)
     sections = [
         *examination_sections(
             examination, evaluation.scene, examination_findings(evaluation.scene, examination)
