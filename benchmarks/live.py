@@ -1,16 +1,16 @@
-"""Load of the live filter node: processor time, posteriors, and their delay at a rate of the strain.
+"""Load of the live filter node: processor time, memory, posteriors, and their delay at a rate of the strain.
 
     scripts/in_env python benchmarks/live.py [--rate HZ] [--seconds S]     # as root: chrt -f 5 before it
 
-Starts the installed filter on a simulated scan of the bump and publishes sweeps to it, forward and backward,
-with poses at 100 Hz. Prints the fraction of a core that the filter takes, the fraction of strain vectors that
-got a posterior, and how long after the strain it was published, ms. Before it, the same of a node of rclpy
-with the same topics that computes nothing.
+Starts the installed filter on a simulated scan of the bump, which was used before, and publishes sweeps to
+it, forward and backward, with poses at 100 Hz. Prints the fraction of a core that the filter takes, its
+resident memory, the fraction of strain vectors that got a posterior, and how long after the strain it was
+published, ms. Before it, the same of a node of rclpy with the same topics that computes nothing; after it,
+the processor time in times of that node's.
 """
 
 import argparse
 import contextlib
-import itertools
 import os
 import subprocess
 import sys
@@ -23,7 +23,9 @@ import rclpy
 from geometry_msgs.msg import PoseStamped
 from rclpy.executors import ExternalShutdownException
 
+from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.demo.nodes import node_command, own_domain
+from tactile_localizer.io.scans.learned import ready_localizer
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.msg import Posterior, StrainVectors
 from tactile_localizer.ros.base.qos import STRAIN
@@ -68,8 +70,8 @@ class Hand:
             rclpy.spin_once(self._node, timeout_sec=left_s)
 
 
-def measure(hand: Hand, node: subprocess.Popen[bytes], rate_hz: float, seconds: float) -> str:
-    """The figures of one run, in a line."""
+def measure(hand: Hand, node: subprocess.Popen[bytes], rate_hz: float, seconds: float) -> tuple[float, str]:
+    """Fraction of a core that a node takes, and the figures of the run in a line."""
     while not hand.delays_ms:
         assert node.poll() is None
         hand.send_pose(0.0, 0.0)
@@ -90,7 +92,8 @@ def measure(hand: Hand, node: subprocess.Popen[bytes], rate_hz: float, seconds: 
     hand.receive_until(time.monotonic() + 1.0)
     median_ms, late_ms = np.quantile(hand.delays_ms, [0.5, 0.99])
     answered = len(hand.delays_ms) / len(samples)
-    return f"{rate_hz:g} Hz: {load:.3f} of a core, {answered:.1%} answered, {median_ms:.1f}, {late_ms:.1f} ms"
+    delays = f"{answered:.1%} answered, {median_ms:.1f}, {late_ms:.1f} ms"
+    return load, f"{rate_hz:g} Hz: {load:.3f} of a core, {_memory(node.pid):.0f} MB, {delays}"
 
 
 def run_bare_node() -> None:
@@ -115,6 +118,11 @@ def _processor_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+def _memory(pid: int) -> float:
+    """Resident memory of a process, MB."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description="Load of the live filter node.")
@@ -131,16 +139,22 @@ def main() -> None:
         with ScanWriter(path, shipped_scene("bump")) as writer:
             for sweep in simulate_recording("bump", 1).sweeps:
                 writer.add(sweep)
+        ready_localizer(path, shipped_scene("bump"), Configuration(), np.random.default_rng(0))
         hand = Hand()
         commands = {
             "bare": [sys.executable, __file__, "--bare"],
             "filter": node_command("filter_node", {"scan_file": path}),
         }
-        for rate_hz, (name, command) in itertools.product(given.rate, commands.items()):
-            hand.delays_ms.clear()
-            with subprocess.Popen(command) as node:
-                print(f"{name:6} at {measure(hand, node, rate_hz, given.seconds)}", flush=True)
-                node.terminate()
+        for rate_hz in given.rate:
+            loads = []
+            for name, command in commands.items():
+                hand.delays_ms.clear()
+                with subprocess.Popen(command) as node:
+                    load, figures = measure(hand, node, rate_hz, given.seconds)
+                    print(f"{name:6} at {figures}", flush=True)
+                    loads.append(load)
+                    node.terminate()
+            print(f"filter / bare at {rate_hz:g} Hz: {loads[1] / loads[0]:.2f}", flush=True)
 
 
 if __name__ == "__main__":

@@ -130,8 +130,10 @@ def command(tree: Path, *arguments: object) -> Cost:
 
 def cost(tree: Path, program: str, *arguments: object) -> Cost:
     """Cost of a Python program."""
-    line, environment = [sys.executable, "-c", program, *map(str, arguments)], {"PYTHONPATH": str(tree)}
-    process = subprocess.Popen(line, env=os.environ | environment, stdout=subprocess.DEVNULL)
+    line, environment = [sys.executable, "-c", program, *map(str, arguments)], os.environ.copy()
+    environment["PYTHONPATH"] = str(tree)
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # else each process compiles the package anew
+    process = subprocess.Popen(line, env=environment, stdout=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     assert 0 <= process.returncode < 2, line  # 1: not every sweep is localized
