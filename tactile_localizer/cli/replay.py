@@ -69,7 +69,7 @@ def _replay(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]) -
     reads = readers_from_arguments(args, scene)
     with progress_line() as progress:
         rng = np.random.default_rng(args.seed)
-        localizer, calibration, bounds = ready_localizer(args.scan, scene, configuration, rng, progress)
+        localizer, calibration, bounds, _ = ready_localizer(args.scan, scene, configuration, rng, progress)
         # A particle filter's random numbers begin anew with each recording, in whichever process that is.
         make: Make = partial(build_from_folder, args.scan, scene, configuration, args.seed)
         if args.jobs == 1 and args.cluster is None and (len(reads) == 1 or configuration.filter == "grid"):

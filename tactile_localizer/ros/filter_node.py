@@ -9,7 +9,7 @@ If strain or poses stop, the last estimate is repeated and marked as stale; it i
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -20,10 +20,8 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.callback_groups import ReentrantCallbackGroup
 from std_srvs.srv import Empty
 
-from tactile_localizer.core.factory import build_localizer, convergence_criteria
+from tactile_localizer.core.factory import convergence_criteria
 from tactile_localizer.core.localizer import Estimate, Localizer
-from tactile_localizer.core.scan.range import ScanRange
-from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import (
     LiveError,
     MeasurementError,
@@ -32,7 +30,7 @@ from tactile_localizer.errors import (
     counted,
 )
 from tactile_localizer.io.scans.folder import ScanFolder, confined
-from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.io.scans.learned import Ready, ready_localizer
 from tactile_localizer.io.scans.recorder import StrainSample
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.resources import given_or_shipped
@@ -65,16 +63,20 @@ class LoadedScan:
     Parameters
     ----------
     path : of the scan
-    scan, scene : training pairs and their scene; that of the localizer is cropped to the scan
-    localizer : localizer on the scan
+    scene : of the scan; that of the localizer is cropped to the scan
+    ready : localizer on the scan, and what is shown of the scan
     other_delay : a line where strain of the scan was late by another time than that given; else empty
     """
 
     path: Path
-    scan: Scan
     scene: Scene
-    localizer: Localizer
+    ready: Ready
     other_delay: str
+
+    @property
+    def localizer(self) -> Localizer:
+        """Localizer on the scan."""
+        return self.ready.localizer
 
 
 class FilterNode(ManagedNode):
@@ -134,7 +136,7 @@ class FilterNode(ManagedNode):
         self._health.publish(self._health.status("map", DiagnosticStatus.OK, message, values))
 
     def _load(self, path: Path) -> LoadedScan:
-        """Read a scan and build the localizer; a calibration, which takes seconds, is stored with the scan.
+        """Build the localizer of a scan; what is learned of it, which takes seconds, is stored with the scan.
 
         Raises
         ------
@@ -142,30 +144,27 @@ class FilterNode(ManagedNode):
             The scan or a parameter is invalid, or they are inconsistent.
         """
         parameters, progress, folder = self.parameters, self._report_progress, ScanFolder(path)
-        scan, scene = folder.load(), folder.scene
+        scene = folder.scene
         if parameters["scene_file"]:
             scene = load_scene(given_or_shipped(parameters["scene_file"], "config/scenes"))
-        scene.columns(scan.axes)  # rejects a foreign scene before anything is learned
-        scene.channels(scan.phalanges, scan.channels)
-        choices, rng = configuration(parameters), np.random.default_rng(parameters["seed"])
-        calibration = learned_calibration(path, scan, scene, progress)
-        localizer = build_localizer(scan, scene, choices, rng, progress, calibration)
-        sweeps = counted(len(scan.sweep_numbers), "sweep")
-        self.get_logger().info(f"{path}: {counted(len(scan), 'pair')} of {sweeps}, scene {scene.name}")
+        rng = np.random.default_rng(parameters["seed"])
+        ready = ready_localizer(path, scene, configuration(parameters), rng, progress)
+        pairs, sweeps = counted(ready.contents.pairs, "pair"), counted(ready.contents.sweeps, "sweep")
+        self.get_logger().info(f"{path}: {pairs} of {sweeps}, scene {scene.name}")
         given_s, scanned_s = parameters["strain_delay_s"], folder.strain_delay_s
         other = f"strain_delay_s is {given_s:g} s, in the scan it is {scanned_s:g} s"
         if abs(given_s - scanned_s) <= _SAME_DELAY_S:
             other = ""
         else:
             self.get_logger().warning(other)
-        return LoadedScan(path, scan, scene, localizer, other)
+        return LoadedScan(path, scene, ready, other)
 
     def _start(self, loaded: LoadedScan) -> None:
         """Localize on a map, from a uniform belief; on an error the present one stays in use."""
-        online = OnlineLocalizer(
-            loaded.localizer, self.parameters["max_gap_s"], ScanRange.of(loaded.scan, loaded.scene)
-        )
-        self._map.publish(loaded.scan, loaded.scene)
+        scene, contents = loaded.scene, loaded.ready.contents
+        bounds = replace(loaded.ready.bounds, extent=np.where(scene.wraps, np.inf, scene.extent))
+        online = OnlineLocalizer(loaded.localizer, self.parameters["max_gap_s"], bounds)
+        self._map.publish(contents.tactile_map)
         self._inputs.start(loaded.scene)
         self._loaded, self._online = loaded, online
         self._stale = ""
@@ -227,7 +226,7 @@ class FilterNode(ManagedNode):
             response.result = response.NOT_USABLE
             self._start(loaded)
             response.success, response.result = True, response.SUCCESS
-            response.message = f"{path}: {counted(len(loaded.scan), 'pair')}"
+            response.message = f"{path}: {counted(loaded.ready.contents.pairs, 'pair')}"
         except TactileLocalizerError as error:
             response.message = str(error)
             self.get_logger().error(f"load scan: {error}")

@@ -11,7 +11,7 @@ import dataclasses
 import json
 import logging
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,6 +29,7 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.core.scan.tactile_map import TactileMap, make_map
 from tactile_localizer.errors import ScanError, SceneError, refusing
 from tactile_localizer.io.recording import SCENE_OF_SCAN, scan_of
 from tactile_localizer.io.scans.folder import ScanFolder
@@ -73,12 +74,22 @@ def learned_calibration(
     return calibration
 
 
+class Contents(NamedTuple):
+    """What is shown of a scan: its numbers of pairs and sweeps, its map, and notes on files without use."""
+
+    pairs: int
+    sweeps: int
+    tactile_map: TactileMap
+    notes: Sequence[str]
+
+
 class Ready(NamedTuple):
-    """A localizer on a scan, its calibration, and the range of the scan."""
+    """A localizer on a scan, its calibration, and the range and contents of the scan."""
 
     localizer: Localizer
     calibration: Calibration
     bounds: ScanRange
+    contents: Contents
 
 
 def ready_localizer(
@@ -109,20 +120,34 @@ def ready_localizer(
     if found is None:
         recording = folder.recording()
         scan = scan_of(recording, folder.scene)
+        scene.columns(scan.axes)  # rejects a foreign scene before anything is learned
+        scene.channels(scan.phalanges, scan.channels)
         calibration = learned_calibration(path, scan, scene, progress)
+        if progress:
+            progress("building the map", 0.9)  # what is left after :func:`learn`
+        counts = len(scan), len(scan.sweep_numbers)
+        contents = Contents(*counts, make_map(scan, scene), recording.notes)
         if not is_kept:
+            _log_notes(contents)
             localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
-            return Ready(localizer, calibration, ScanRange.of(scan, localizer.scene))
-        found = calibration, prepare(scan, scene, configuration, calibration), recording.notes
+            return Ready(localizer, calibration, ScanRange.of(scan, localizer.scene), contents)
+        found = calibration, prepare(scan, scene, configuration, calibration), contents
         if content == _content_key(folder):  # it may be recorded at this moment
             try:
                 store(file, _key(content, kept, scene, configuration), found)
             except (ScanError, TypeError) as error:
                 _log.warning("%s; the next start learns again", error)
-    calibration, prepared, notes = found
-    for note in notes:
+    calibration, prepared, contents = found
+    _log_notes(contents)
+    localizer = assemble(prepared, configuration, calibration, rng)
+    if progress:
+        progress("ready", 1.0)
+    return Ready(localizer, calibration, prepared.bounds, contents)
+
+
+def _log_notes(contents: Contents) -> None:
+    for note in contents.notes:
         _log.warning("%s", note)
-    return Ready(assemble(prepared, configuration, calibration, rng), calibration, prepared.bounds)
 
 
 def _content_key(folder: ScanFolder) -> str:

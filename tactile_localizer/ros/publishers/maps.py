@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, make_map
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.ros.base.background import run_in_thread
@@ -14,7 +13,6 @@ from tactile_localizer.ros.base.exception_guards import one_line
 from tactile_localizer.ros.base.managed_node import ManagedNode
 from tactile_localizer.ros.base.qos import LATCHED
 from tactile_localizer.ros.publishers.estimates import cloud
-from tactile_localizer.scene import Scene
 
 _LAYER_M = 0.0005
 
@@ -65,9 +63,9 @@ class MapPublisher:
         self._node, self._is_drawing = node, False
         self._map = node.create_lifecycle_publisher(PointCloud2, "~/map", LATCHED)
 
-    def publish(self, scan: Scan, scene: Scene) -> None:
+    def publish(self, tactile_map: TactileMap) -> None:
         """Publish the map of a scan."""
-        self._map.publish(self._cloud(scan, scene))
+        self._map.publish(map_cloud(tactile_map, self._frame))
 
     def publish_folder(self, path: Path) -> None:
         """Publish the map of a scan that is being recorded, made in the background.
@@ -83,7 +81,8 @@ class MapPublisher:
             folder = ScanFolder(path)
             scan = folder.load()
             every = math.ceil(len(scan) / _MAX_PAIRS)
-            return self._cloud(scan.select(np.arange(0, len(scan), every)), folder.scene)
+            some = scan.select(np.arange(0, len(scan), every))
+            return map_cloud(make_map(some, folder.scene), self._frame)
 
         try:
             self._map.publish(await run_in_thread(self._node, make))
@@ -91,6 +90,3 @@ class MapPublisher:
             self._node.get_logger().warning(f"map: {one_line(error)}")
         finally:
             self._is_drawing = False
-
-    def _cloud(self, scan: Scan, scene: Scene) -> PointCloud2:
-        return map_cloud(make_map(scan, scene), self._frame)
