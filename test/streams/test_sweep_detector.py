@@ -75,6 +75,12 @@ def test_rest_ends_a_sweep():
     assert found[-1] == 2
 
 
+def test_a_hand_at_rest_that_creeps_begins_no_sweep():
+    """By less than a reversal in the time of a rest: also over many of them."""
+    assert set(numbers(SweepDetector(AXES), path((0, 0), (0.01, 0), speed=0.0008))) == {0}
+    assert numbers(SweepDetector(AXES), path((0, 0), (0.01, 0), speed=0.0012))[-1] == 1
+
+
 def test_sweeps_of_a_scene_with_yaw_alone():
     detector = SweepDetector((Axis("yaw", -1.0, 1.0),), reversal_m=0.05)
     turn = np.concatenate([np.linspace(0, 1, 100), np.linspace(1, 0, 100)])[:, None]
