@@ -155,7 +155,9 @@ def test_sweeps_follow_an_activity_topic_after_the_filter_has_started(tmp_path):
     ]
     happened += [("tactile_filter/posterior", ms, posterior(ms, 0.0)) for ms in (800, 900, 1200, 1600)]
     bag = write_bag(tmp_path / "bag", slide(0, 2000) + happened)
-    assert ranges_ms(read_bag(bag, SCENE, by_status=False).sweeps) == [(1005, 1400), (1505, 1800)]
+    sweeps = read_bag(bag, SCENE, by_status=False).sweeps
+    assert ranges_ms(sweeps) == [(1005, 1400), (1505, 1800)]
+    assert [sweep.number for sweep in sweeps] == [1, 2]
 
 
 @pytest.mark.parametrize(("clock_ms", "first_ms"), [(0, 305), (3_600_000, 205)])
