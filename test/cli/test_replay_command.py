@@ -2,18 +2,22 @@
 
 import json
 import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.bags import pose, strain, write_bag
+from support.cluster import cluster_of
 from support.learned import unexamined
 
 from tactile_localizer.cli import main
 from tactile_localizer.io.configuration_file import load_configuration
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.offline import parallel
 from tactile_localizer.sim import shipped_scene
 
 COMMAND = "replay test.csv --scan bump_scan --scene scene.yaml --filter grid --seed 1"
@@ -244,3 +248,33 @@ def test_a_scan_may_have_more_phalanges_than_the_scene(bump_folder: Path) -> Non
     assert main(arguments.split()) < 2
     store = ScanFolder("line_scan")
     assert store.scene.phalanx_names == ("index", "middle")
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_digits_of_one_process_and_names_what_it_loses(
+    bump_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    header, *rows = Path("test.csv").read_text().splitlines(keepends=True)
+    for name, sweep in (("first", "0"), ("second", "1")):
+        own = [row for row in rows if row.split(",")[1] == sweep]
+        Path(f"{name}.csv").write_text(header + "".join(own))
+    command = "replay first.csv second.csv --scan bump_scan --seed 1"
+    assert run(f"{command} --json here.json") == 0
+    with cluster_of(1, tmp_path) as cluster:
+        assert run(f"{command} --json there.json --cluster {cluster.address}") == 0
+        here, there = document("here.json"), document("there.json")
+        for name in ("updates", "verdict"):
+            assert there[name] == here[name] != []
+
+        @contextmanager
+        def progress() -> Iterator[Callable[[str, float], None]]:
+            yield lambda what, _done: cluster.kill_a_worker() if what == "replaying" else None
+
+        monkeypatch.setattr("tactile_localizer.cli.replay.progress_line", progress)
+        monkeypatch.setattr(parallel, "_WITHOUT_WORKERS_S", 1.0)
+        capsys.readouterr()
+        assert run(f"{command} --cluster {cluster.address}") == 1
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[-1].startswith("lost: ")
+    assert printed[-1].endswith("/second.csv: the cluster has had no worker for 1 s")
+    assert printed[0].startswith("1 sweep, ")
