@@ -143,7 +143,7 @@ def test_strain_stamped_before_a_reset_is_ignored(online, sweep, begin):
     slide(online, sweep, 0, 60)
     for k in range(61, 101):
         add_pose(online, sweep, k)
-    since_ns = int(sweep.stamp_ns[100])
+    since_ns = int(sweep.stamp_ns[99]) + 20 * MS  # of the last strain that is ignored
     if begin == "reset":
         online.reset(since_ns)
     else:
