@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import ClassVar
 
 import can
 import pytest
@@ -13,6 +14,7 @@ from support.waiting import PATIENCE_S, wait_until
 from tactile_localizer.errors import CanError
 from tactile_localizer.io.can import driver
 from tactile_localizer.io.can.bus import AbsentBusError, BusSettings, Link, ReceiveQueue
+from tactile_localizer.io.can.clock import SenderClock
 from tactile_localizer.io.can.commands import Commands, parse_frames
 from tactile_localizer.io.can.driver import CLOSED, OPEN, WAITING, LoadCellDriver
 from tactile_localizer.io.can.error_frames import (
@@ -340,3 +342,29 @@ def test_traffic_is_foreign_only_while_nothing_is_delivered(monkeypatch: pytest.
     assert found == [0, 0, 0, 10, 20, 0]
     bus.shutdown()
     one.close()
+
+
+def test_a_frame_of_a_sender_with_its_own_clock_was_received_after_the_bus_was_last_found_empty(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now_s = 1000.0
+    frame = can.Message(timestamp=3.0)
+
+    class Bus:
+        """A bus that stays empty for 0.1 s; then a frame waits, and is read 0.05 s later."""
+
+        answers: ClassVar[list[can.Message | None]] = [None, frame]
+
+        def recv(self, wait_s: float) -> can.Message | None:
+            nonlocal now_s
+            now_s += wait_s
+            return self.answers.pop(0)
+
+    monkeypatch.setattr(driver.time, "time", lambda: now_s)
+    one = Line("own clock")
+    one.status.clock = SenderClock()
+    assert one._receive(Bus(), 0.1) is None  # type: ignore[arg-type]
+    now_s += 0.05
+    assert one._receive(Bus(), 0.0) is frame  # type: ignore[arg-type]
+    one.close()
+    assert frame.timestamp == pytest.approx(1000.1)
