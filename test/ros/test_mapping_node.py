@@ -3,9 +3,11 @@
 import resource
 import signal
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
+from support.bags import MS, START, x_at
 from support.hand import stamp_of
 
 from tactile_localizer.io.scans.folder import ScanFolder
@@ -40,6 +42,21 @@ def test_the_status_describes_the_scan(mapping, probe, files):
     assert 0.0 < status.coverage < 0.3
     begun = next(message for message in hand.statuses if message.sweep_active)
     assert stamp_of(begun) == 0, "the sweep began before the first sample"
+
+
+def test_late_strain_is_recorded_where_it_was_felt(mapping, probe, files):
+    _, hand = mapping(strain_delay_s=0.1)
+    hand.slide(200)
+    hand.wait_for_stamp(100)
+    hand.service("start_sweep")
+    hand.slide(400)
+    hand.service("end_sweep")
+    scan, (sweep,) = load(files)
+    assert len(sweep) >= 60
+    felt_ms = (sweep.stamp_ns - START) / MS
+    np.testing.assert_allclose(sweep.strain[:, 0] % 1000, felt_ms + 100, atol=1e-6)
+    np.testing.assert_allclose(scan.states[:, 0], x_at(felt_ms), atol=1e-9)
+    assert ScanFolder(files["scan_file"]).strain_delay_s == 0.1
 
 
 @pytest.mark.parametrize(
