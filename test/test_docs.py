@@ -85,6 +85,19 @@ def test_prose_wraps_at_100_columns(page: Path) -> None:
     assert [line for line in lines if len(line) > 100] == []
 
 
+def test_the_constants_of_streams_are_on_the_page_of_constants() -> None:
+    rows = [line for line in (ROOT / "docs/constants.md").read_text().splitlines() if line.startswith("| `")]
+    for module in sorted((ROOT / "tactile_localizer/streams").glob("*.py")):
+        names = [
+            name
+            for line in re.findall(r"^([A-Z_, ]+) = [^\n]*\d", module.read_text(), re.MULTILINE)
+            for name in line.split(", ")
+        ]
+        for name in sorted({*names} - {"NANOSECONDS", "LATE", "STRAIN", "POSES", "_ALWAYS"}):
+            own = [row for row in rows if f"`{name}`" in row and f"`{module.stem}`" in row]
+            assert own, f"{name} of {module.stem}: expected it in docs/constants.md, found none"
+
+
 def test_every_picture_is_shown() -> None:
     shown = re.findall(r"!\[[^]]+\]\((?:docs/)?images/([^)]+)\)", "".join(page.read_text() for page in PAGES))
     assert sorted(shown) == sorted(file.name for file in (ROOT / "docs/images").iterdir())
