@@ -59,6 +59,17 @@ def test_a_hand_that_is_switched_off_is_idle(reports):
     assert [found[:2] for found in reports.now().values()] == [(OK, "open, idle"), (OK, "idle"), (OK, "idle")]
 
 
+def test_that_frames_were_read_late_is_reported_once(reports):
+    reports.send(0, 1, count=3)
+    reports.now()
+    reports.driver.late_ns = 100 * 10**9
+    reports.send(0, 1)
+    level, message, _ = reports.now()["CAN bus"]
+    assert (level, message) == (WARN, "read 100.0 s late: 0 frames discarded")
+    reports.send(0, 1)
+    assert reports.now()["CAN bus"][:2] == (OK, "open")
+
+
 def test_a_load_cell_is_stale_while_another_one_sends(reports):
     reports.send(0, 1, count=100)
     assert [found[:2] for found in reports.now().values()] == [(OK, "open"), (OK, "OK"), (OK, "OK")]
