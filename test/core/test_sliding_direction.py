@@ -12,19 +12,28 @@ from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.hypotheses.convergence import State
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.localizer import Localizer
+from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.io.recording import Recording, scan_of
 from tactile_localizer.sim import shipped_scene, simulate_scan, simulate_sweep
+from tactile_localizer.sim.scan import TRAINING_SWEEPS, sweep_plan
 
 NEAR, FAR = (0.004, 0.0381), (0.048, 0.0381)
 """Ends of a stroke along x on which a finger meets the bump."""
 
 
+SCENE = shipped_scene("bump")
+
+
+def on(scan: Scan) -> Localizer:
+    """A localizer on a scan of a sheet."""
+    known = Calibration(np.full(2, 1e-3), Material.SHEET, examination=Examination(0.003))
+    return build_localizer(scan, SCENE, Configuration(), np.random.default_rng(0), calibration=known)
+
+
 @pytest.fixture(scope="module")
 def localizer() -> Localizer:
     """On a bump that was scanned towards +x."""
-    scene = shipped_scene("bump")
-    known = Calibration(np.full(2, 1e-3), Material.SHEET, examination=Examination(0.003))
-    scan = simulate_scan("bump", 1, rate=50.0)
-    return build_localizer(scan, scene, Configuration(), np.random.default_rng(0), calibration=known)
+    return on(simulate_scan("bump", 1, rate=50.0))
 
 
 def states(localizer: Localizer, *ends: tuple[float, float]) -> list[State]:
@@ -55,3 +64,14 @@ def test_a_hand_that_turns_round_is_lost(localizer: Localizer) -> None:
     assert back[there - 1] is State.CONVERGED
     assert State.LOST in back[there : there + 100]
     assert back[-1] is not State.CONVERGED
+
+
+def test_each_line_scanned_both_ways_is_a_map_of_both() -> None:
+    strokes = []
+    for number in range(2 * TRAINING_SWEEPS):  # an odd number of lines: the second round is the other way
+        start, end = sweep_plan("train", number, 1)
+        there = (start, end) if number % 2 else (end, start)
+        strokes.append(simulate_sweep("bump", 1, number, "train", start=there[0], end=there[1], rate=50.0))
+    both_ways = on(scan_of(Recording("bump", tuple(strokes)), SCENE))
+    assert State.CONVERGED in states(both_ways, NEAR, FAR)
+    assert State.CONVERGED in states(both_ways, FAR, NEAR)
