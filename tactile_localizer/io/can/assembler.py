@@ -110,17 +110,13 @@ class CycleAssembler:
         self._data = bytearray(protocol.size)  # of the samples in the open cycle
         self._cycles: list[Cycle] = []  # closed, not yet returned
         self._ready: list[LoadCell] = []  # those with a sample in the open cycle, in order
-        self._first = (
-            self._cells[0] if len(self._cells) == 1 else None
-        )  # with which cycles begin; None: unknown
+        # The one with which cycles begin; None: unknown.
+        self._first = self._cells[0] if len(self._cells) == 1 else None
         self._is_aligned = False  # whether its sample was received since the start, a pause, or a change
         self._begin_ns = 0  # of the open cycle, also if its first sample was lost
         self._passed_ns = 0  # usual lag of that sample in it which is usually the last
         self._late_ns = 0  # time by which it was later in its cycle than usual
-        self._gap_ns, self._behind = (
-            0,
-            self._cells[0],
-        )  # largest gap within the open cycle, and what came behind
+        self._gap_ns, self._behind = 0, self._cells[0]  # largest gap in the open cycle, and what came behind
         self._gaps_ns: deque[int] = deque(maxlen=GAPS)  # before the newest cycles
         self._durations_ns: deque[int] = deque(maxlen=GAPS)  # of the newest cycles
         self._number = 0  # of the open cycle
@@ -198,6 +194,10 @@ class CycleAssembler:
         if taken is Taken.LATE:
             return FrameKind.OUT_OF_ORDER
         self._frames[stream.place] = frame.data
+        if cell.given_up_ns and len(self._cells) == 1 and self._is_aligned:
+            self._close()
+            self._number += 1
+            self._make([], cell.given_up_ns)  # no other load cell shows it
         if taken is Taken.WHOLE:
             self._add(cell)
         return FrameKind.DATA
@@ -336,9 +336,11 @@ class CycleAssembler:
     def _close(self) -> None:
         """End the open cycle."""
         ready, self._ready = self._ready, []
-        if not ready or not self._is_aligned:
-            return
-        begin_ns = min(cell.begin_ns for cell in ready)
+        if ready and self._is_aligned:
+            self._make(ready, min(cell.begin_ns for cell in ready))
+
+    def _make(self, ready: Sequence[LoadCell], begin_ns: int) -> None:
+        """Make a cycle of the newest samples of load cells; of no others there is one."""
         if begin_ns <= self._stamp_ns <= self._frame_ns:  # of a sample that began before the cycle before
             begin_ns = self._stamp_ns + 1
         self._stamp_ns = begin_ns

@@ -117,6 +117,7 @@ class LoadCell:
     gaps_ns : gaps before its newest samples since one of any load cell, ns
     cycle, sequence : numbers of the cycle of its newest sample, and of that sample
     period_ns : usual time between two samples, ns; 0: unknown
+    given_up_ns : begin of the sample that its newest frame showed to be incomplete, ns; 0: none
     """
 
     streams: list[Stream] = field(default_factory=list)
@@ -128,6 +129,7 @@ class LoadCell:
     cycle: int = 0
     sequence: int = 0
     period_ns: float = 0.0
+    given_up_ns: int = 0
     measured: int = 0
     _intervals: deque[float] = field(default_factory=lambda: deque(maxlen=_INTERVALS))
     _cycles: deque[float] = field(default_factory=lambda: deque(maxlen=_INTERVALS))
@@ -155,6 +157,7 @@ class LoadCell:
 
     def take(self, stream: Stream, stamp_ns: int) -> Taken:
         """Use a frame, whose counter is in ``stream`` already."""
+        self.given_up_ns = 0
         if len(self.streams) > 1:
             taken = self._join(stream, stamp_ns)
             if taken is not Taken.WHOLE:
@@ -184,7 +187,8 @@ class LoadCell:
                 ahead = 0
         if ahead is not None and -MAX_LATE <= ahead < 0:
             return Taken.LATE
-        if is_again or ahead or (ahead is None and stream is self._first):
+        if self._open and (is_again or ahead or (ahead is None and stream is self._first)):
+            self.given_up_ns = self._opened_ns
             self._open.clear()
         if not self._open:
             if stream is not self._first and value is None:

@@ -158,7 +158,7 @@ def test_the_counter_wraps_after_the_range_of_the_dbc(
 def test_a_frame_that_is_not_sent_and_not_counted_costs_one_cycle(tmp_path: Path) -> None:
     sender = Sender(hand(tmp_path), lambda n, k: n - (k == 1 and n > 50))
     one = received(sender, lost={(50, 1)})
-    assert one.complete == len(one.cycles) == 298
+    assert one.complete == len(one.cycles) - 1 == 298
     assert (one.counts.drops, one.counts.jumps, one.frames[FrameKind.OUT_OF_ORDER]) == (1, 0, 0)
 
 
