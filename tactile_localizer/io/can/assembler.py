@@ -194,13 +194,17 @@ class CycleAssembler:
         if taken is Taken.LATE:
             return FrameKind.OUT_OF_ORDER
         self._frames[stream.place] = frame.data
+        self._use(cell, taken)
+        return FrameKind.DATA
+
+    def _use(self, cell: LoadCell, taken: Taken) -> None:
+        """Use the sample that a frame completes; an incomplete one of the only load cell is a cycle, too."""
         if cell.given_up_ns and len(self._cells) == 1 and self._is_aligned:
             self._close()
             self._number += 1
-            self._make([], cell.given_up_ns)  # no other load cell shows it
+            self._make([], cell.given_up_ns)
         if taken is Taken.WHOLE:
             self._add(cell)
-        return FrameKind.DATA
 
     def _advance(self, stream: Stream, counter: RollingCounter, value: int, stamp_ns: int) -> int:
         """Samples by which a frame is ahead of the newest of its message; counts those between as lost."""
