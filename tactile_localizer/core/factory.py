@@ -35,7 +35,7 @@ _EXAMINED = Configuration(cell=2.0 * Configuration().cell)
 """Configuration of the localizers that examine a scan: cells of twice the size give the same scores
 sooner."""
 
-_LEARNED = 0.9
+LEARNED = 0.9
 """Part of the progress of a localizer after which all is learned from the scan, and the map is built."""
 
 
@@ -70,7 +70,7 @@ def build_localizer(
     learned = None
     if calibration is None:
         calibration, learned = _calibrated(scan, scene, say)
-    say("building the map", _LEARNED)
+    say("building the map", LEARNED)
     learned = learned or learn_sweep_model(scan, scene, calibration.material, calibration.variance)
     position_model = _position_model(scan, scene, configuration, learned, calibration)
     prepared = _prepared(learned, scene, configuration, scan, still_travel(scan, scene))
@@ -152,7 +152,7 @@ def assemble(
 
 def _calibrated(scan: Scan, scene: Scene, say: Progress) -> tuple[Calibration, SweepModel]:
     """What the examination of the scan shows, and the model of the kind that it chooses."""
-    prior, still, begun = registration_std(scene), still_travel(scan, scene), 0.2 * _LEARNED
+    prior, still, begun = registration_std(scene), still_travel(scan, scene), 0.2 * LEARNED
     say("learning the noise", 0.0)
     # Of the level of a single sweep nothing is known.
     kinds = list(Material) if len(scan.sweep_numbers) > 1 else [Material.CLOTH]
@@ -168,7 +168,7 @@ def _calibrated(scan: Scan, scene: Scene, say: Progress) -> tuple[Calibration, S
         scan,
         models,
         build,
-        lambda done: say("examining the scan by held-out sweeps", begun + (_LEARNED - begun) * done),
+        lambda done: say("examining the scan by held-out sweeps", begun + (LEARNED - begun) * done),
     )
     model = models[chosen]
     right = [each for each in examination.on_map if each.right]

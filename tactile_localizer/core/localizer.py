@@ -186,6 +186,13 @@ class Localizer:
         """States (P, d) and weights (P,) behind the last estimate, for display."""
         return self.filter.hypotheses()
 
+    def probability_near(self, place: np.ndarray, states: np.ndarray, weights: np.ndarray) -> float:
+        """Probability that the hand is within the convergence radius of a place (d,).
+
+        For a belief in states (P, d) with weights (P,), convolved with the registration error.
+        """
+        return self._near.probability(self._motion.displacement(place, states), weights)
+
     @property
     def converged(self) -> bool:
         """Whether the position has converged."""
@@ -382,8 +389,7 @@ class Localizer:
         explanations, contradiction = self._sweep.explanations, ""
         if outside > 0.5 and self.model.material is Material.SHEET:
             contradiction = f"{outside:.0%} of the strains are outside the range of the scan"
-        away = self._motion.displacement(belief.mean, states)
-        near = self._near.probability(away, weights)
+        near = self.probability_near(belief.mean, states, weights)
         self._convergence.update(near, explanations.tracked, explanations.other, travel, contradiction)
         self._notes, self._consistent = self._scatter() + self._stuck_gauges(), self._all
         if np.count_nonzero(self.measurements.stuck):

@@ -37,7 +37,7 @@ def localizer() -> Localizer:
 
 
 def states(localizer: Localizer, *ends: tuple[float, float]) -> list[State]:
-    """The states along one sweep, with straight strokes between the ``ends``."""
+    """State after each strain of one sweep, which goes straight from each of the ``ends`` to the next."""
     localizer.reset()
     stamp, found = 0, []
     for number, (start, end) in enumerate(pairwise(ends)):

@@ -19,7 +19,6 @@ import numpy as np
 from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.geometry.motion import MotionModel, levers
 from tactile_localizer.core.geometry.surroundings import surroundings
-from tactile_localizer.core.hypotheses.convergence import probability_within
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.measurements import Measurement
 from tactile_localizer.core.scan.scan import Scan
@@ -268,10 +267,7 @@ def _probability(trial: Trial, truth: np.ndarray) -> float:
     localizer = trial.localizer
     if not trial.on_map:
         return 1.0 - localizer.explanations.on_map
-    states, weights = localizer.hypotheses()
-    away = MotionModel(localizer.scene).displacement(truth, states)
-    radius, variance = localizer.criteria.radius, localizer.registration_variance
-    return localizer.explanations.tracked * probability_within(away, weights, radius, variance)
+    return localizer.explanations.tracked * localizer.probability_near(truth, *localizer.hypotheses())
 
 
 def _place_alike(localizer: Localizer, truth: np.ndarray) -> tuple[float, ...]:

@@ -74,13 +74,6 @@ class Ellipsoid:
         return float(weights.take(near) @ inside)
 
 
-def probability_within(
-    away: np.ndarray, weights: np.ndarray, radius: np.ndarray, variance: np.ndarray
-) -> float:
-    """Probability that the hand is within an :class:`Ellipsoid` with these arguments."""
-    return Ellipsoid(radius, variance).probability(away, weights)
-
-
 class Convergence:
     """Decides from the probability that the hand is on the map and near the estimate.
 

@@ -84,7 +84,7 @@ class Scan:
 
     @property
     def session(self) -> np.ndarray:
-        """The session of each sweep, in the order of their numbers, (S,) int."""
+        """Index (S,) of the session in which each sweep was recorded, by ascending number of the sweep."""
         return np.searchsorted(self.sessions, self.sweep_numbers, side="right")
 
     @cached_property

@@ -176,8 +176,8 @@ def _by_name(
 def _nothing_on(path: str | Path, topic: str, messages: BagMessages, notes: list[str]) -> ScanError:
     there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items()))
     if topic in messages.topics:
-        found = f"found {topic}, and none that can be used; {'; '.join(notes) or 'it has none'}"
-        return ScanError(f"{path}: expected messages of {topic}, {found}")
+        found = "; ".join(notes) or "it has none"
+        return ScanError(f"{path}: expected messages of {topic} that can be used, found none: {found}")
     reasons = "; ".join([there or "no topics", *notes])
     advice = "; --palm-frame FRAME looks the pose up in tf" if TF in messages.topics and topic != TF else ""
     return ScanError(f"{path}: expected messages of {topic}, found {reasons}{advice}")

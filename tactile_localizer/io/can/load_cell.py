@@ -214,7 +214,7 @@ class LoadCell:
         return own if first.span == own.span and first.step == own.step > 0 else None
 
     def _adopts(self, stream: Stream, counter: RollingCounter, ahead: int) -> bool:
-        """Whether the counter of a message is no longer that of the others, but one of its own."""
+        """Whether a message turns out to have a counter of its own, not the one that the others share."""
         stream.times = stream.times + 1 if stream.apart == ahead else 1
         stream.apart = ahead
         if stream is self.streams[0] or stream.times < (_CONFIRMATIONS if self._is_common else 1):

@@ -22,7 +22,7 @@ from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import Examination
 from tactile_localizer.core.calibration.trials import Outcome
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
-from tactile_localizer.core.factory import assemble, build_localizer, learn, prepare
+from tactile_localizer.core.factory import LEARNED, assemble, build_localizer, learn, prepare
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.localizer import Localizer
@@ -124,7 +124,7 @@ def ready_localizer(
         scene.channels(scan.phalanges, scan.channels)
         calibration = learned_calibration(path, scan, scene, progress)
         if progress:
-            progress("building the map", 0.9)  # what is left after :func:`learn`
+            progress("building the map", LEARNED)
         counts = len(scan), len(scan.sweep_numbers)
         contents = Contents(*counts, make_map(scan, scene), recording.notes)
         if not is_kept:

@@ -14,7 +14,7 @@ _NO_PLACE = 0.8
 _FLAT = 0.4
 """Height by width below which plots stand above each other instead of side by side."""
 _TITLE_IN, _LABELS_IN = 0.3, 0.7
-"""Height of a title; width and height of the labels of an axis, inches."""
+"""Space that a title takes above a plot, and the labels of an axis beside and below it, inches."""
 
 
 def proportion(scene: Scene) -> float:

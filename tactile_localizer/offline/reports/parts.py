@@ -42,7 +42,7 @@ def examination_sections(examination: Examination, scene: Scene, found: Sequence
 
 
 def map_section(scan: Scan, scene: Scene, strain_unit: str) -> Section:
-    """What the scan holds: the strain above featureless of each phalanx, and folded each channel."""
+    """Maps of the scan: the signal of each phalanx, and, to be unfolded, that of each channel."""
     figures = MapFigures(scan, scene, strain_unit)
     signals = figures.signals(WIDTH_IN)
     channels = figures.channels(_MAP_COLUMNS, WIDTH_IN / _MAP_COLUMNS, _CHANNELS)

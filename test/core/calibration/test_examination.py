@@ -237,7 +237,7 @@ class ByHand:
 
     def __init__(self, claims: list[tuple[bool, float]]) -> None:
         self.scene, self.criteria = HELD, SimpleNamespace(radius=np.array([0.0075]))
-        self.registration_variance, self.explanations = np.array([1e-8]), SimpleNamespace(tracked=1.0)
+        self.explanations = SimpleNamespace(tracked=1.0)
         self._claims, self._next = claims, 0
 
     def reset(self) -> None:
@@ -251,6 +251,9 @@ class ByHand:
 
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         return self.mean[None], np.ones(1)
+
+    def probability_near(self, place: np.ndarray, states: np.ndarray, _: np.ndarray) -> float:
+        return float(np.abs(states - place).max() <= self.criteria.radius[0])
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ import pytest
 from tactile_localizer.core.hypotheses.convergence import (
     Convergence,
     ConvergenceCriteria,
+    Ellipsoid,
     State,
-    probability_within,
 )
 
 CRITERIA = ConvergenceCriteria(np.array([0.005]), probability=0.99, sustain=0.002)
@@ -70,12 +70,12 @@ def test_the_probability_includes_the_registration_error(dimension: int, std: fl
     weights, radius = rng.dirichlet(np.ones(len(away))), np.full(dimension, 0.0075)
     moved = away[:, None] + std * rng.standard_normal((4000, dimension))
     inside = (np.square(moved / radius).sum(axis=-1) <= 1.0).mean(axis=1)
-    found = probability_within(away, weights, radius, np.full(dimension, std**2))
+    found = Ellipsoid(radius, np.full(dimension, std**2)).probability(away, weights)
     assert found == pytest.approx(weights @ inside, abs=0.01)
 
 
 @pytest.mark.parametrize(("beyond", "expected"), [(1.0, 0.1587), (2.0, 0.02275), (2.5, 0.0062)])
 def test_a_state_some_deviations_outside_of_the_radius_counts_in_part(beyond: float, expected: float) -> None:
     away = np.array([[0.0075 + beyond * 0.001]])
-    found = probability_within(away, np.ones(1), np.array([0.0075]), np.array([0.001**2]))
+    found = Ellipsoid(np.array([0.0075]), np.array([0.001**2])).probability(away, np.ones(1))
     assert found == pytest.approx(expected, abs=0.003)
