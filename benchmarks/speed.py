@@ -76,7 +76,7 @@ def commands(folder: Path, tree: Path) -> dict[str, Cost]:
     with tempfile.TemporaryDirectory() as name:
         scan, two = f"{name}/scan", Path(name, "two.csv")
         header, rows = read_rows(test)
-        two.write_text("\n".join([",".join(header.names), *list(next(rows).values())[:2]]))
+        two.write_text("\n".join([",".join(header.names), *list(next(rows).rows().values())[:2]]))
         replay = ["replay", test, "--scan", scan]
         return {
             "import of the package": cost(tree, "import tactile_localizer.cli.replay"),

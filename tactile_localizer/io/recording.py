@@ -182,7 +182,7 @@ def cut(
             number[part] = _detected(detector, samples.part(part, 0), has_position[part])
         parts = _parts(rows, run, number)
     sweeps = [
-        samples.part(part[has_position[part]], int(number[part[0]]), int(np.sum(~has_position[part])))
+        samples.part(_slice(part[has_position[part]]), int(number[part[0]]), int(np.sum(~has_position[part])))
         for part in parts
         if number[part[0]] != NO_SWEEP
     ]
@@ -251,6 +251,12 @@ def _parts(rows: np.ndarray, *labels: np.ndarray) -> list[np.ndarray]:
     """Successive ``rows`` that have the same labels, each of shape (n,)."""
     changes = [np.diff(label[rows]) != 0 for label in labels]
     return np.split(rows, np.flatnonzero(np.any(changes, axis=0)) + 1) if len(rows) else []
+
+
+def _slice(rows: np.ndarray) -> slice | np.ndarray:
+    """Rising ``rows`` without a gap as a slice, which copies nothing."""
+    is_whole = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
+    return slice(int(rows[0]), int(rows[-1]) + 1) if is_whole else rows
 
 
 def _detected(detector: SweepDetector, samples: RecordedSweep, has_position: np.ndarray) -> list[int]:

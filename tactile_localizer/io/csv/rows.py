@@ -64,12 +64,31 @@ class Header(NamedTuple):
         return int(by_number[1]) - 1 if by_number and int(by_number[1]) <= len(self.names) else None
 
 
-Rows = dict[int, str]
-"""Lines of rows by their numbers."""
+class Block(NamedTuple):
+    """Lines of a file behind its header.
+
+    Parameters
+    ----------
+    lines : their numbers
+    text : the lines, each with its end
+    """
+
+    lines: range
+    text: str
+
+    @property
+    def has_comments(self) -> bool:
+        """Whether there may be comments."""
+        return any(mark in self.text for mark in _COMMENTS)
+
+    def rows(self) -> dict[int, str]:
+        """Rows by their lines; blank lines and comments are none."""
+        lines = zip(self.lines, self.text.split("\n"), strict=False)
+        return {at: line for at, line in lines if line.strip() and not line.startswith(_COMMENTS)}
 
 
-def read_rows(path: Path, wanted: Collection[str] = ()) -> tuple[Header, Iterator[Rows]]:
-    """The header of a file, and the rows behind it, by the thousand.
+def read_rows(path: Path, wanted: Collection[str] = ()) -> tuple[Header, Iterator[Block]]:
+    """The header of a file, and the lines behind it, by the thousand.
 
     The header is the first line that has the ``wanted`` columns, or most of them; it may be a comment. The
     separator is that with which it has them: comma, semicolon, tab, bar or blanks. Skipped are lines of text
@@ -80,54 +99,39 @@ def read_rows(path: Path, wanted: Collection[str] = ()) -> tuple[Header, Iterato
     Raises
     ------
     ScanError
-        The file cannot be read, is no text, or is too large; or, from the rows, one has more cells than the
-        header.
+        The file cannot be read, is no text, or is too large.
     """
     rows = _rows(path, wanted)
     return next(rows), rows
 
 
 def _rows(path: Path, wanted: Collection[str]) -> Iterator[Any]:
-    kinds = OSError, EOFError, zlib.error, ValueError, csv.Error
+    kinds = OSError, EOFError, zlib.error, ValueError
     with refusing(f"{path}: expected a CSV file", ScanError, *kinds), open_file(path) as stored:
         blocks, size = _blocks(path, stored)
-        block = next(blocks)
-        head = block[:_HEAD]
-        header = _header(head, wanted)
+        head = next(blocks, "")
+        lines = head.split("\n")
+        header = _header(lines[:_HEAD], wanted)
         yield header
         most = _MOST_NUMBERS // max(len(wanted), 1)
-        expected = size * len(block) // max(sum(map(len, block)) + len(block), 1)
-        width, separator = len(header.names), header.separator
-        names = {"", *([] if header.first else head[max(header.line - 1, 0) :][:1])}
-        is_units, number = True, header.line + 1
-        for lines in chain([block[header.line :]], blocks):
-            rows = {
-                at: line
-                for at, line in enumerate(lines, number)
-                if line not in names and line[0] not in _COMMENTS and not line.isspace()
-            }
-            number += len(lines)
-            if (found := max(number - 1, expected)) > most:
+        expected = size * len(lines) // max(len(head), 1)
+        first, behind = header.line + 1, lines[header.line :]
+        while len(behind) > 1 and not any(map(NUMBER.fullmatch, cells_of(behind[0], header.separator))):
+            first, behind = first + 1, behind[1:]  # units
+        for text in chain(["\n".join(behind)], blocks):
+            numbers = range(first, first + text.count("\n"))
+            first = numbers.stop
+            if (found := max(first - 1, expected)) > most:
                 raise ScanError(
                     f"{path}: expected at most {most} rows, found {found}, or a file that is cut short; "
                     "split it by sweeps"
                 )
-            while is_units and rows:
-                first = next(iter(rows))
-                if is_units := not any(map(NUMBER.fullmatch, cells_of(rows[first], separator))):
-                    del rows[first]
-            for at in [at for at, line in rows.items() if line.count(separator) >= width]:
-                cells = cells_of(rows[at], separator)
-                if any(map(str.strip, cells[width:])):
-                    raise ScanError(
-                        f"{path} line {at}: expected {width} cells as in the header, found {len(cells)} "
-                        "(decimal commas? write points, or separate by semicolons)"
-                    )
-            yield rows
+            if not text.isspace():
+                yield Block(numbers, text)
 
 
-def _blocks(path: Path, stored: BinaryIO) -> tuple[Iterator[list[str]], int]:
-    """Lines of a file, many at once, and its uncompressed size in bytes, which gzip has modulo 2**32."""
+def _blocks(path: Path, stored: BinaryIO) -> tuple[Iterator[str], int]:
+    """Lines of a file, many in a text, and its uncompressed size in bytes, which gzip has modulo 2**32."""
     size = os.fstat(stored.fileno()).st_size
     content: Any = stored
     if stored.read(2) == b"\x1f\x8b":
@@ -142,15 +146,16 @@ def _blocks(path: Path, stored: BinaryIO) -> tuple[Iterator[list[str]], int]:
         raise ScanError(f"{path}: expected a CSV file, found one that is no text ({advice})")
     text = io.TextIOWrapper(content, "utf-16" if is_utf_16 else "utf-8-sig", _LATIN_1)
 
-    def blocks() -> Iterator[list[str]]:
-        rest, is_whole = "", False
-        while not is_whole:
-            block = text.read(_MAX_LINE)
-            is_whole = len(block) < _MAX_LINE
-            *lines, rest = (rest + block).split("\n")
+    def blocks() -> Iterator[str]:
+        rest = ""
+        while block := text.read(_MAX_LINE):
+            lines, end, rest = (rest + block).rpartition("\n")
             if len(rest) >= _MAX_LINE:
                 raise ScanError(f"{path}: expected lines of less than {_MAX_LINE} characters")
-            yield [*lines, rest] if is_whole else lines
+            if end:
+                yield lines + end
+        if rest:
+            yield rest + "\n"
 
     return blocks(), size
 
@@ -211,7 +216,16 @@ def _without_names(head: list[str], last: str) -> Header | None:
 
 
 def cells_of(line: str, separator: str) -> list[str]:
-    """The cells of a line, of which some may be in quotes."""
+    """The cells of a line, of which some may be in quotes.
+
+    Raises
+    ------
+    ValueError
+        One is too long.
+    """
     if '"' not in line:  # several times faster than a reader
         return line.split(None if separator == " " else separator)
-    return next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    try:
+        return next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    except csv.Error as error:
+        raise ValueError(str(error)) from None

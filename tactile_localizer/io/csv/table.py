@@ -2,12 +2,14 @@
 
 import math
 import re
+import warnings
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime
 from decimal import Decimal
-from itertools import chain, count
+from io import StringIO
+from itertools import chain
 from operator import mul
 from pathlib import Path
 from typing import NamedTuple
@@ -24,7 +26,7 @@ from tactile_localizer.io.csv.columns import (
     missing_column,
     phalanges_in,
 )
-from tactile_localizer.io.csv.rows import MISSING, Header, Rows, cells_of, read_rows
+from tactile_localizer.io.csv.rows import MISSING, Block, Header, cells_of, read_rows
 from tactile_localizer.io.names import ROW, Names
 from tactile_localizer.quantity import LARGEST_NUMBER
 from tactile_localizer.scene import AXIS_NAMES, Scene
@@ -97,7 +99,7 @@ def read_table(
     beside = {name: naming.of(name) for name in may if not there.isdisjoint((name, *naming.of(name).names))}
     needed = {stamp: naming.of(stamp), **axes, **beside, **strains}
     required = len(axes) + (SWEEP in beside)
-    cells = _Cells(header, needed, _places(path, header, needed, naming, scene), required)
+    cells = _Cells(path, header, needed, _places(path, header, needed, naming, scene), required)
     for block in rows:
         cells.read(block)
     stamp_ns, table = np.array(cells.stamp_ns), np.frombuffer(cells.values)
@@ -115,7 +117,6 @@ def read_table(
         raise ScanError(f"{path}: expected stamps that increase, found {constant}")
     notes += [f"{path}: sweeps in the order of the file: {listed(cells.sweeps)}"] * bool(cells.sweeps)
     table = table.reshape(n, -1)
-    _convert(table, chain(*(each.factors for each in list(needed.values())[1:])))
     strain = table[:, len(axes) + len(beside) :]
     names = chain(*(each.names for each in strains.values()))
     counts = zip(names, np.isnan(strain).sum(axis=0).tolist(), strict=True)
@@ -131,66 +132,63 @@ def read_table(
     )
 
 
-def _convert(table: np.ndarray, factors: Iterable[Decimal]) -> None:
-    """Multiply the columns of a table (n, m) by ``factors``, in place; too large values are missing."""
-    for column, factor in zip(table.T, factors, strict=True):  # a large table has no copy
-        with np.errstate(over="ignore", invalid="ignore"):
-            column *= float(factor)
-        column[~(np.abs(column) <= LARGEST_NUMBER)] = math.nan
-
-
 class _Cells:
-    """Conversion of the wanted cells of rows: the stamps, and the other values in the units of the file.
+    """Conversion of the wanted cells of a file to its stamps and other values.
 
-    Many rows are read at once. Where that fails, as with a date or a missing value, their cells are written
-    as plain numbers first; a row without is left out.
+    Lines that are all rows of numbers are read at once. Of others, as with a date or a missing value, the
+    cells are written as plain numbers first; a row without is left out.
 
     Parameters
     ----------
-    header : header of the file
+    path, header : of the file
     needed : columns by quantity: the stamp, ``required`` ones that have to be finite, and others
-    places : of all these columns in a row, 0 for the row's own number
+    places : of all these columns in a row, from 1, 0 for the row's own number
 
     Attributes
     ----------
     stamp_ns : n stamps, ns
-    values : n rows of other values
+    values : n rows of other values; NaN where missing or too large
     lost, first : number of rows that could not be read, and what is wrong with the first
     sweeps : numbers of the sweeps by their names, where the first of them is no number
     """
 
     def __init__(
-        self, header: Header, needed: Mapping[str, Names], places: Sequence[int], required: int
+        self, path: Path, header: Header, needed: Mapping[str, Names], places: Sequence[int], required: int
     ) -> None:
-        self._header, self._places = header, places
-        self._number = count() if 0 in places else None
+        self._path, self._header, self._places = path, header, places
+        self._rows = 0
         stamp, self._stamp = next(iter(needed.items()))
         self._unit = in_other_unit(stamp, self._stamp)
         self._stamps = len(self._stamp.names)
         self._required = required
         self._quantities = [name for name, each in needed.items() for _ in each.names]
-        stamps = [(f"stamp{place}", "O") for place in range(self._stamps)]
-        self._kind = np.dtype([*stamps, ("values", "f8", (len(places) - self._stamps,))])
+        factors = [factor for each in needed.values() for factor in each.factors]
+        self._factors = np.array(factors[self._stamps :], float)
         self._are_numbered = SWEEP not in needed
         self._texts: dict[int, str] | None = {} if self._stamps == 1 else None
         self.stamp_ns, self.values = array("q"), array("d")  # a large recording is held once
         self.lost, self.first = 0, ""
         self.sweeps: dict[str, int] = {}
 
-    def read(self, rows: Rows) -> None:
-        """Read rows."""
-        separator, places = self._header.separator, [place - 1 for place in self._places]
-        if self._number is not None:
-            rows = {line: f"{next(self._number)}{separator}{text}" for line, text in rows.items()}
-            places = list(self._places)
+    def read(self, block: Block) -> None:
+        """Read lines.
+
+        Raises
+        ------
+        ScanError
+            A row has more cells than the header.
+        """
         try:
-            if self.sweeps:
+            if self.sweeps or 0 in self._places or block.has_comments:
                 raise ValueError  # a name may look like a number
-            self._add(rows, None if separator == " " else separator, places)
-        except (ValueError, ArithmeticError):
-            cells = {line: self._plain(line, text) for line, text in rows.items()}
-            plain = {line: ",".join(each) for line, each in cells.items() if each}
-            self._add(plain, ",", range(len(places)))
+            separator = None if self._header.separator == " " else self._header.separator
+            places = [place - 1 for place in self._places]
+            self._add(block.text, block.lines, separator, places, len(self._header.names))
+        except ValueError:
+            rows = {line: self._plain(line, text) for line, text in block.rows().items()}
+            plain = {line: ",".join(cells) for line, cells in rows.items() if cells}
+            width = len(self._places)
+            self._add("\n".join(plain.values()), list(plain), ",", range(width), width)
 
     def in_whole_seconds(self, stamp_ns: np.ndarray) -> tuple[np.ndarray, str] | None:
         """Stamps of ``SEC.NANOSEC`` without leading zeros, ns, and a note; ``None`` if they are decimals.
@@ -205,66 +203,70 @@ class _Cells:
             return None
         digits = next(each for each in _SUBUNITS if each >= longest)
         padded = [f"{second}.{fraction:0>{digits}}" for second, fraction in parts]
-        stamp_ns = self._times([padded])
+        stamp_ns = self._times([padded]).astype(np.int64)
         if _first_back(stamp_ns) is not None:
             return None
         line, text = list(self._texts.items())[at - 1]
         found = f"stamps look like SEC.{_SUBUNITS[digits]} without leading zeros (line {line}: {text}"
         return stamp_ns, f"{found} is read as {padded[at - 1]})"
 
-    def _add(self, rows: Rows, separator: str | None, places: Sequence[int]) -> None:
-        """Add rows of numbers.
+    def _add(
+        self, text: str, lines: Sequence[int], separator: str | None, places: Sequence[int], width: int
+    ) -> None:
+        """Add the rows of numbers in a text, one from each of ``lines``, of ``width`` cells.
 
         Raises
         ------
-        ValueError, ArithmeticError
-            A row has other cells, or too few.
+        ValueError
+            A row has other cells, or another number of them.
         """
-        if not rows:
+        if not lines:
             return
+        kinds = {**dict.fromkeys(places, "f8"), **dict.fromkeys(places[: self._stamps], "O")}
+        kind = np.dtype([(f"{place}", kinds.get(place, "U1")) for place in range(width)])
         found = np.loadtxt(
-            list(rows.values()), self._kind, comments=None, delimiter=separator, usecols=places, ndmin=1,
-            quotechar='"', encoding=None,
-        )  # fmt: skip
-        texts = [found[f"stamp{place}"].tolist() for place in range(self._stamps)]
-        if not all(text.isascii() and "_" not in text for text in map("".join, texts)):
-            raise ValueError  # Decimal takes 1_000 and the digits of other scripts
-        stamp_ns, values = self._times(texts), found["values"]
+            StringIO(text), kind, comments=None, delimiter=separator, ndmin=1, quotechar='"', encoding=None
+        )
+        texts = [list(map(str.strip, found[f"{place}"])) for place in places[: self._stamps]]
+        stamp_ns = self._times(texts)
+        columns = [found[f"{place}"] for place in places[self._stamps :]]
+        values = np.column_stack(columns).astype(float, copy=False)
         is_valid = abs(stamp_ns) <= _MAX_STAMP_NS, abs(values[:, : self._required]) <= LARGEST_NUMBER
-        if len(values) < len(rows) or not all(map(np.all, is_valid)):
+        if len(values) != len(lines) or not all(map(np.all, is_valid)):
             raise ValueError
         self._are_numbered = not self.sweeps
-        self.stamp_ns.frombytes(stamp_ns.tobytes())
-        self.values.frombytes(values.tobytes())
+        with np.errstate(over="ignore", invalid="ignore"):
+            values *= self._factors
+        if (missing := ~(abs(values) <= LARGEST_NUMBER)).any():
+            values[missing] = math.nan
+        self.stamp_ns.frombytes(stamp_ns.astype(np.int64).data.cast("B"))
+        self.values.frombytes(values.data.cast("B"))
         if self._texts is not None:
-            self._texts |= dict(zip(rows, texts[0], strict=True))
+            self._texts |= dict(zip(lines, texts[0], strict=True))
             self._texts = None if _LEADING_ZERO.search(" ".join(texts[0])) else self._texts
 
     def _times(self, columns: Sequence[Sequence[str]]) -> np.ndarray:
-        """Stamps, ns, of the cells of their columns; a float would lose 0.2 us since 1970."""
-        offset_ns, factors = _NS * self._stamp.offset, [_NS * factor for factor in self._stamp.factors]
-        terms = [
-            [factor * Decimal(cell) for cell in cells] for factor, cells in zip(factors, columns, strict=True)
-        ]
-        each = terms[0] if len(terms) == 1 else map(sum, zip(*terms, strict=True))
-        return np.array([round(time_ns + offset_ns) for time_ns in each], np.int64)
+        """Stamps (n,), whole ns, of the cells of their columns; a double would lose 0.2 us since 1970."""
+        total = np.full(len(columns[0]), np.longdouble(str(_NS * self._stamp.offset)))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # of too large numbers, which are refused
+            for cells, factor in zip(columns, self._stamp.factors, strict=True):
+                seconds = np.array(cells, object).astype(np.longdouble)
+                total = total + seconds * np.longdouble(str(_NS * factor))
+        return np.rint(total)
 
     def _plain(self, line: int, text: str) -> list[str]:
         """The wanted cells of a row as plain numbers; empty if it is of another series, or cannot be read."""
         try:
-            return self._as_numbers(cells_of(text, self._header.separator))
+            return self._as_numbers(line, cells_of(text, self._header.separator))
         except ValueError as error:
             if str(error):
                 self.lost, self.first = self.lost + 1, self.first or f"line {line}, {error}"
             return []
 
-    def _as_numbers(self, row: Sequence[str]) -> list[str]:
-        """Raises why a row cannot be read; without a reason, if it has none of the values."""
-        row = [*("",) * (self._number is None), *row]
-        names = self._header.names
-        if len(row) <= max(self._places):
-            raise ValueError(f"expected {len(names)} cells, found {len(row) - 1}")
-        cells = [row[each].strip() for each in self._places]
+    def _as_numbers(self, line: int, row: Sequence[str]) -> list[str]:
+        """Raises why a row cannot be read; without a reason, if it has none of the values, but the names."""
+        cells = self._wanted(line, row)
         if not any(cells[self._stamps :]):
             raise ValueError
         commas = self._header.separator != "," and "." not in "".join(cells)
@@ -282,7 +284,8 @@ class _Cells:
                     found += " (a decimal comma? write points, or separate by semicolons)"
                 if ":" in cells[place] and self._quantities[place] in STAMPS:
                     found += " (a date? write it like 2024-11-25 16:00:01.5)"
-                raise ValueError(f"column {names[self._places[place] - 1]}: expected a number, found {found}")
+                name = self._header.names[self._places[place] - 1]
+                raise ValueError(f"column {name}: expected a number, found {found}")
         stamp = map(mul, map(Decimal, plain), self._stamp.factors)
         if abs(time_s := sum(stamp, self._stamp.offset)) * _NS > _MAX_STAMP_NS:
             raise ValueError(f"expected a stamp in s, found {float(time_s):.6g}{self._unit}")
@@ -290,6 +293,21 @@ class _Cells:
         if named is not None:
             plain[named] = str(self.sweeps.setdefault(cells[named], len(self.sweeps) + 1))
         return plain
+
+    def _wanted(self, line: int, row: Sequence[str]) -> list[str]:
+        """The wanted cells of a row, or why it has none; without a reason, if it repeats the header."""
+        names, row = self._header.names, [cell.strip() for cell in row]
+        if row == names:
+            raise ValueError
+        self._rows += 1
+        if any(row[len(names) :]):
+            raise ScanError(
+                f"{self._path} line {line}: expected {len(names)} cells as in the header, found {len(row)} "
+                "(decimal commas? write points, or separate by semicolons)"
+            )
+        if len(row) < max(self._places):
+            raise ValueError(f"expected {len(names)} cells, found {len(row)}")
+        return [row[place - 1] if place else str(self._rows - 1) for place in self._places]
 
     def _named_sweep(self, cells: Sequence[str], plain: Sequence[str]) -> int | None:
         """Place of the sweep's name in a row; ``None`` if it has a number, or is in the column of numbers."""
