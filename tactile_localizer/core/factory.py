@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core.calibration.calibration import Calibration
-from tactile_localizer.core.calibration.examination import examine
+from tactile_localizer.core.calibration.examination import UNEXAMINED, examine, examine_position
 from tactile_localizer.core.calibration.registration import registration_std
 from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
@@ -26,7 +26,6 @@ from tactile_localizer.core.measurements import Measurements
 from tactile_localizer.core.plausibility import still_travel
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.quantity import number
 from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
@@ -72,7 +71,7 @@ def build_localizer(
         calibration, learned = _calibrated(scan, scene, say)
     say("building the map", LEARNED)
     learned = learned or learn_sweep_model(scan, scene, calibration.material, calibration.variance)
-    position_model = _position_model(scan, scene, configuration, learned, calibration)
+    position_model = _position_model(scan, scene, configuration, learned, calibration, say)
     prepared = _prepared(learned, scene, configuration, scan, still_travel(scan, scene))
     localizer = assemble(prepared, configuration, calibration, rng, position_model)
     say("ready", 1.0)
@@ -158,9 +157,9 @@ def _calibrated(scan: Scan, scene: Scene, say: Progress) -> tuple[Calibration, S
     kinds = list(Material) if len(scan.sweep_numbers) > 1 else [Material.CLOTH]
     models = [learn_sweep_model(scan, scene, kind) for kind in kinds]
 
-    def build(part: SweepModel, within: Scene) -> Localizer:
-        before = Calibration(prior, part.scan.material, part.variance)
-        prepared = _prepared(part, within, _EXAMINED, scan, still)
+    def build(model: SweepModel, points: np.ndarray, within: Scene) -> Localizer:
+        before = Calibration(prior, model.scan.material, model.variance)
+        prepared = _prepared(model.part(points), within, _EXAMINED, scan, still)
         return assemble(prepared, _EXAMINED, before, np.random.default_rng(0))
 
     say("examining the scan by held-out sweeps", begun)
@@ -203,7 +202,12 @@ def _silent(_doing: str, _done: float) -> None:
 
 
 def _position_model(
-    scan: Scan, scene: Scene, configuration: Configuration, learned: SweepModel, calibration: Calibration
+    scan: Scan,
+    scene: Scene,
+    configuration: Configuration,
+    learned: SweepModel,
+    calibration: Calibration,
+    say: Progress,
 ) -> tuple[MeasurementModel, float] | None:
     """Model for the position, and its travel per independent measurement, m; ``None``: the default model.
 
@@ -212,12 +216,25 @@ def _position_model(
     ParameterError
         There is no such model, it cannot be made, or its ``information_length`` is not positive.
     """
-    if configuration.model == SWEEP_MIXTURE:
+    name = configuration.model
+    if name == SWEEP_MIXTURE:
         return None
-    without = _without_levels(scan, scene, learned.scan.levels)
-    model = NamedModel(configuration.model, without, scene)
-    length = model.information_length(calibration.examination.information_length)
-    return model, number(length, f"information_length of {configuration.model}", lower=1e-6)
+    without, still = _without_levels(scan, scene, learned.scan.levels), still_travel(scan, scene)
+    model = NamedModel(name, without, scene)
+    if model.gives_length:
+        return model, model.information_length
+
+    def build(learned: SweepModel, points: np.ndarray, within: Scene) -> Localizer:
+        kept = scan.sweep_numbers[np.unique(learned.scan.tracks.number[points])]
+        part = NamedModel(name, without.select(np.isin(scan.sweep, kept)), scene)
+        prepared = _prepared(learned.part(points), within, _EXAMINED, scan, still)
+        return assemble(prepared, _EXAMINED, calibration, np.random.default_rng(0), (part, UNEXAMINED))
+
+    doing = f"examining {name} by held-out sweeps"
+    say(doing, LEARNED)
+    return model, examine_position(
+        scan, learned, build, lambda done: say(doing, LEARNED + (1.0 - LEARNED) * done)
+    )
 
 
 def _without_levels(scan: Scan, scene: Scene, levels: np.ndarray) -> Scan:

@@ -116,7 +116,7 @@ class Localizer:
     information_length : m of travel per independent measurement
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
     anchors : trajectories that represent the whole map
-    position_length : information length of the ``position_model``, m; ``None``: that of ``model``
+    position_length : the same for the ``position_model``; ``None``: as for ``model``
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class Localizer:
         self._position_model = position_model
         self._convergence = convergence
         self.measurements = measurements
-        self.information_length, self._position_length = information_length, position_length
+        self.information_length, self.position_length = information_length, position_length
         self._registration = np.diag(registration_std**2)
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
@@ -175,6 +175,16 @@ class Localizer:
             raise MeasurementError(f"std: expected no negative deviation, got {std}")
         self.filter.seed(np.asarray(mean, dtype=np.float64), np.asarray(std, dtype=np.float64))
         self._restart()
+
+    def set_information_length(self, length: float) -> None:
+        """Change the travel per independent measurement of the position, m.
+
+        That of the explanations is the same, unless another model weighs the position.
+        """
+        if self._position_model is None:
+            self.information_length = length
+        else:
+            self.position_length = length
 
     def adjust(self, criteria: ConvergenceCriteria, update_distance: float) -> None:
         """Change the thresholds of convergence and the update distance; the belief stays."""
@@ -308,8 +318,8 @@ class Localizer:
             position = self._position_likelihood(prediction, innovation, map_trend, mean_strain, used)
 
         own = exponent
-        if self._position_length is not None:
-            own = min(1.0, update_travel / self._position_length)
+        if self.position_length is not None:
+            own = min(1.0, update_travel / self.position_length)
         belief = self.filter.update(own * position)
         tracked = belief.log_marginal
         if position is not at_states:

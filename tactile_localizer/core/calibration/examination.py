@@ -150,6 +150,26 @@ def examine(
     return kinds.index(best), found
 
 
+def examine_position(scan: Scan, model: SweepModel, build: Build, progress: Progress | None = None) -> float:
+    """Information length, m, under which held-out sweeps are localized best by another model of the position.
+
+    The arguments are those of :func:`examine`, with one ``model``, which explains what the position does not.
+    """
+    if len(model.scan.tracks) < 2:
+        return UNEXAMINED
+    done = 0
+
+    def report() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done / (done + 4.0))
+
+    kind = _Kind(model, build, held_out(scan, model.scan.tracks, model.scan.spacing), report)
+    kind.climb()
+    return LENGTHS[kind.choice]
+
+
 class _Kind:
     """Trials under one model, by information length.
 

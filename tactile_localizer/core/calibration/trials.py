@@ -41,7 +41,8 @@ _ALIKE = 0.25
 _PERIOD_NS = 10_000_000
 """Time between two strains, ns: so slow that each update distance leads to a measurement update."""
 
-Build = Callable[[SweepModel, Scene], Localizer]
+Build = Callable[[SweepModel, np.ndarray, Scene], Localizer]
+"""Makes a localizer of a model's ``points`` (n,) bool, over a scene."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ class Trial:
         localizer, (number, _, positions, *_) = self.localizer, self.sweep
         scene, radius, motion = localizer.scene, localizer.criteria.radius, MotionModel(localizer.scene)
         localizer.reset()
-        localizer.information_length = information_length
+        localizer.set_information_length(information_length)
         score: list[float] = []
         along: list[tuple[float, np.ndarray]] = []
         right = wrong = converged = False
@@ -205,7 +206,7 @@ def trials_on_map(count: int, model: SweepModel, build: Build, sweeps: Sequence[
         others = [each.track for each in sweeps[place % _MAPS :: _MAPS]]
         out = np.isin(np.arange(len(tracks)), others) if sweep.session is None else sweep.session
         if (key := out.tobytes()) not in maps:
-            maps[key] = build(model.part(~out[tracks.number]), tracks.scene)
+            maps[key] = build(model, ~out[tracks.number], tracks.scene)
         localizers.append(maps[key])
     for which, begins_late in _turns(count, len(sweeps), rng):
         begin = rng.uniform(0.15, 0.6) if begins_late else 0.0
@@ -225,7 +226,7 @@ def trials_off_map(count: int, model: SweepModel, build: Build, sweeps: Sequence
         kept = (tracks.positions[:, along] > middle) == side
         if kept.any() and not kept.all():
             within = surroundings(tracks.scene, tracks.positions[kept])
-            localizers.append((side, build(model.part(kept), within)))
+            localizers.append((side, build(model, kept, within)))
     if not localizers:
         return
     for which, way in _turns(count, len(sweeps), rng):

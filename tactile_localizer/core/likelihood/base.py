@@ -20,7 +20,7 @@ class MeasurementModel(Protocol):
     """P(z | x), built from a scan and a scene.
 
     A model may have an attribute ``information_length``, m of travel per independent measurement; without
-    it, that of the scan's examination holds.
+    it, held-out sweeps of the scan give it.
     """
 
     def log_likelihood(

@@ -10,6 +10,7 @@ import numpy as np
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ParameterError, TactileLocalizerError, located
+from tactile_localizer.quantity import number
 from tactile_localizer.scene import Scene
 
 SEPARATOR = ":"
@@ -47,9 +48,22 @@ class NamedModel:
         if not isinstance(self._model, MeasurementModel):
             raise self._error("a measurement model", f"got {type(self._model).__name__}")
 
-    def information_length(self, default: float) -> Any:
-        """Travel per independent measurement, m, where the model gives it; otherwise the default."""
-        return getattr(self._model, "information_length", default)
+    @property
+    def gives_length(self) -> bool:
+        """Whether the model says what its strains are worth together."""
+        return hasattr(self._model, "information_length")
+
+    @property
+    def information_length(self) -> float:
+        """Travel per independent measurement, m, of a model that gives it.
+
+        Raises
+        ------
+        ParameterError
+            It is not positive.
+        """
+        length: Any = getattr(self._model, "information_length", None)
+        return number(length, f"information_length of {self.name}", lower=1e-6)
 
     def log_likelihood(
         self, states: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None

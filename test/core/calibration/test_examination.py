@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from support.scans import raster, slides
 
 from tactile_localizer.core.calibration import examination as module
+from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import (
     UNEXAMINED,
     Examination,
@@ -18,8 +20,10 @@ from tactile_localizer.core.calibration.examination import (
 )
 from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
 from tactile_localizer.core.calibration.trials import HeldOut, Outcome, Trial
-from tactile_localizer.core.factory import learn
+from tactile_localizer.core.configuration import Configuration
+from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.likelihood.base import training_pairs
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.measurements import Measurement
 from tactile_localizer.core.scan.scan import Scan
@@ -107,8 +111,8 @@ def without_localizing(models: list[SweepModel]) -> tuple[Material, Examination]
     """The chosen kind and the examination, where the test gives the outcomes of the trials."""
     criteria = SimpleNamespace(radius=np.full(2, 0.0075))
 
-    def build(part: SweepModel, _: Scene) -> Any:
-        return SimpleNamespace(model=SimpleNamespace(material=part.scan.material), criteria=criteria)
+    def build(model: SweepModel, _: np.ndarray, __: Scene) -> Any:
+        return SimpleNamespace(model=SimpleNamespace(material=model.scan.material), criteria=criteria)
 
     chosen, examination = examine(scan(0.15), models, build)
     return list(Material)[chosen], examination
@@ -232,6 +236,34 @@ def test_of_two_kinds_with_like_scores_the_one_with_more_sweeps_right_is_chosen(
 HELD = Scene("line", (Axis("x", 0.0, 0.1),), (Phalanx("index", (0.0,), 2),))
 
 
+class Nearest:
+    """A model of the position: the nearest pair of the scan, with so many times the evidence that it is."""
+
+    claims = 1.0
+
+    def __init__(self, scan: Scan, scene: Scene) -> None:
+        self.positions, self.strain = training_pairs(scan, scene)
+        self.tree = cKDTree(self.positions)
+
+    def log_likelihood(self, states: np.ndarray, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
+        residual = strain - self.strain[self.tree.query(states)[1]]
+        return -0.25 * self.claims * np.square(residual).sum(axis=1)
+
+
+def test_a_model_of_the_position_is_worth_what_held_out_sweeps_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that claims so many times as much is believed less."""
+    known = Calibration(np.full(2, 1e-3), Material.SHEET, examination=Examination(0.005))
+    lengths = []
+    for claims in (1.0, 8.0):
+        monkeypatch.setattr(Nearest, "claims", claims)
+        configuration = Configuration(model=f"{__name__}:Nearest")
+        rng = np.random.default_rng(0)
+        localizer = build_localizer(scan(0.15), SHEET, configuration, rng, calibration=known)
+        assert localizer.information_length == 0.005, "of the explanations"
+        lengths.append(localizer.position_length)
+    assert lengths[1] >= 4.0 * lengths[0]
+
+
 class ByHand:
     """A localizer whose claims are given: whether it has converged, and its distance from the truth, m."""
 
@@ -242,6 +274,9 @@ class ByHand:
 
     def reset(self) -> None:
         self._next = 0
+
+    def set_information_length(self, length: float) -> None:
+        pass
 
     def measure(self, measurement: Measurement) -> Belief:
         self.converged, error = self._claims[self._next]

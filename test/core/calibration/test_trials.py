@@ -37,10 +37,9 @@ def test_a_sweep_is_localized_without_its_session_where_another_lies_on_its_way(
     of_second = scan.sweep_numbers[scan.sweep_numbers >= scan.sessions[1]]
     model = learn_sweep_model(scan, SHEET, Material.SHEET)
 
-    def build(part: SweepModel, _: Scene) -> np.ndarray:
+    def build(_: SweepModel, points: np.ndarray, __: Scene) -> np.ndarray:
         """In place of a localizer the numbers of the sweeps that it knows."""
-        levels = model.scan.levels[:, None] == part.scan.levels
-        return scan.sweep_numbers[levels.all(axis=2).any(axis=1)]
+        return scan.sweep_numbers[np.unique(model.scan.tracks.number[points])]
 
     sweeps = held_out(scan, model.scan.tracks, model.scan.spacing)
     for trial in trials_on_map(48, model, build, sweeps):  # type: ignore[arg-type]
