@@ -154,9 +154,10 @@ def _delay(args: argparse.Namespace, scene: Scene, recording: Recording) -> tupl
     if args.delay is not None:
         return args.delay, f"strain is taken as {args.delay:g} s late (--delay)" if args.delay else ""
     if (delay := delay_of(recording, scene.axes)) is None:
-        return 0.0, HIDDEN
+        is_one_source = args.kind == "csv" and not args.poses
+        return 0.0, "" if is_one_source else HIDDEN
     if not delay.is_significant:
-        return 0.0, ""
+        return 0.0, f"{delay}: not corrected" if delay.is_likely else ""
     advice = f"--delay 0 does not; the nodes need strain_delay_s: {delay.seconds:.3f}"
     return delay.seconds, f"{delay}: corrected ({advice})"
 

@@ -24,7 +24,7 @@ from tactile_localizer.io.strain_adapter import load_adapter
 from tactile_localizer.library import read_recording
 from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED, with_odometry
 from tactile_localizer.offline.recordings import Read
-from tactile_localizer.offline.scan_quality import mixed_sources
+from tactile_localizer.offline.scan_quality import strain_findings
 from tactile_localizer.quantity import number
 from tactile_localizer.resources import given_or_shipped
 from tactile_localizer.scene import Scene
@@ -210,19 +210,19 @@ def _read_recording(args: argparse.Namespace, scene: Scene, number: int) -> tupl
         options = bag_options(args, scene)
         if options["adapter"] is not None:
             options["adapter"] = options["adapter"].expect(_imported(args.scan, "import bag", "names"))
-        return _noted(_undelayed(args, scene, read_recording(path, scene, **options))), False
+        return _noted(_undelayed(args, scene, read_recording(path, scene, **options)), scene), False
     if is_scan(Path(path)):
         return read_recording(path, scene), True
     before = sum(not is_scan(Path(other)) for other in args.recordings[:number])
     poses = args.poses[before : before + 1] if len(args.poses) > 1 else args.poses
     naming = naming_from_arguments(args, imported_columns(args.scan))
     table = read_csv(path, scene, naming, poses=poses, max_gap_s=args.max_gap)
-    return _noted(_undelayed(args, scene, table)), True
+    return _noted(_undelayed(args, scene, table), scene), True
 
 
-def _noted(recording: Recording) -> Recording:
-    """A recording with a note where the strain of two sources seems to be mixed."""
-    return replace(recording, notes=(*recording.notes, *mixed_sources(recording.sweeps)))
+def _noted(recording: Recording, scene: Scene) -> Recording:
+    """A recording with notes about implausible strain."""
+    return replace(recording, notes=(*recording.notes, *strain_findings(scene, recording.sweeps)))
 
 
 def _undelayed(args: argparse.Namespace, scene: Scene, recording: Recording) -> Recording:

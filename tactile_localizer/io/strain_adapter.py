@@ -102,10 +102,11 @@ class StrainSource:
     frame: str = ""
     stamp: str = _HEADER
 
-    def read(self, message: Any) -> tuple[np.ndarray | None, tuple[str, ...]]:
-        """Values (channels,) of a message, of which some may not be finite, and the names of all its values.
+    def read(self, message: Any) -> tuple[np.ndarray | None, tuple[str, ...], str]:
+        """Values (channels,) of a message, which need not be finite, and names and form of all its values.
 
-        ``None`` in place of the values: the message has none of the wanted names, it is another device's.
+        The form is their number and encoding; empty without any. ``None`` in place of the values: the
+        message has none of the wanted names, it is another device's.
 
         Raises
         ------
@@ -118,7 +119,7 @@ class StrainSource:
             raise MeasurementError(f"{self.topic}: {error}") from None
         except (AttributeError, IndexError, TypeError, ValueError):
             if self.empty is not None and not self._has_elements(message):
-                return np.full(self.channels, self.scale * self.empty), ()
+                return np.full(self.channels, self.scale * self.empty), (), ""
             text = f"expected numbers in field {', '.join(self.field.names)}"
             raise MeasurementError(f"{self.topic}: {text}") from None
         factors = [self.scale * float(factor) for factor in self.field.factors]
@@ -126,12 +127,13 @@ class StrainSource:
         names = tuple(name for _, each in found for name in each)
         names = names if len(names) == len(values) else ()
         if self.empty is not None and not len(values):
-            return np.full(self.channels, self.scale * self.empty), names
+            return np.full(self.channels, self.scale * self.empty), names, ""
         try:
             chosen = self._chosen(values, names)
         except MeasurementError as error:
             raise MeasurementError(f"{self.topic}: {error}{_pixels(message)}") from None
-        return chosen, names
+        encoding = getattr(message, "encoding", "")
+        return chosen, names, f"{len(values)} values" + f" of encoding {encoding}" * bool(encoding)
 
     def _chosen(self, values: np.ndarray, names: Sequence[str]) -> np.ndarray | None:
         """The values of the phalanx; errors as :meth:`read`."""
@@ -188,6 +190,7 @@ class StrainAdapter:
     identities : what messages have arrived on each topic since the last :meth:`findings`: their frame, and
         the names of their values
     names : names of the values that are taken by their places, by phalanx, where the messages have some
+    forms : number and encoding of all values of the messages, by phalanx, of which places are taken
     ahead_ns : how far the newest stamp of each topic is ahead of its receipt, ns
     """
 
@@ -198,6 +201,7 @@ class StrainAdapter:
         self.topics = {source.topic: source.kind for source in sources}
         self._max_age_ns = round(max_age_s * NANOSECONDS)
         self.names: dict[str, tuple[str, ...]] = {}
+        self.forms: dict[str, str] = {}
         self.reset()
 
     def feed(self, topic: str, message: Any, received_ns: int) -> StrainVector | None:
@@ -206,8 +210,8 @@ class StrainAdapter:
         Raises
         ------
         MeasurementError
-            The message lacks a field or a name, has a different number of channels, or names its values
-            differently than before.
+            The message lacks a field or a name, has a different number of channels, or other names, another
+            number or another encoding of its values than before.
         """
         header = getattr(message, "header", None)
         frame = str(getattr(header, "frame_id", ""))
@@ -217,15 +221,16 @@ class StrainAdapter:
         taken: dict[int, tuple[int, np.ndarray]] = {}
         for index, source in enumerate(self.sources):
             if source.topic == topic:
-                values, names = source.read(message)
+                values, names, form = source.read(message)
                 self.identities.setdefault(topic, set()).add((frame, names))
                 if values is not None and self._is_taken(index, frame, received_ns):
-                    self._require_same_names(index, names)
+                    self._require_same(index, names, form)
                     self._values[index] += 1
                     self._invalid[index] += ~np.isfinite(values)
                     values = values if np.isfinite(values).all() else np.full_like(values, np.nan)
                     taken[index] = (header_ns if source.stamp == _HEADER else 0) or received_ns, values
         if 0 in taken and self._runs.add(STRAIN, taken[0][0]) == LATE:
+            self._late += 1
             return None
         self._newest |= taken
         return self._vector(taken[0][0]) if 0 in taken else None
@@ -250,7 +255,7 @@ class StrainAdapter:
 
     def findings(self) -> list[str]:
         """What is wrong with the values of the messages since the last call, one line for each kind."""
-        found = [*self._unread(), *self._missing(), *self._unlisted()]
+        found = [*self._unread(), *self._missing(), *self._unlisted(), *self._left_out()]
         self._forget()
         return found
 
@@ -275,7 +280,7 @@ class StrainAdapter:
 
     def _forget(self) -> None:
         self.identities: dict[str, set[tuple[str, tuple[str, ...]]]] = {}
-        self._values = [0] * len(self.sources)
+        self._values, self._late = [0] * len(self.sources), 0
         self._invalid = [np.zeros(source.channels, int) for source in self.sources]
 
     def _is_taken(self, index: int, frame: str, received_ns: int) -> bool:
@@ -287,15 +292,19 @@ class StrainAdapter:
             self._frames[index] = frame, received_ns
         return self._frames[index][0] == frame
 
-    def _require_same_names(self, index: int, names: tuple[str, ...]) -> None:
-        """Require that values that are taken by their places have the names that they had."""
+    def _require_same(self, index: int, names: tuple[str, ...], form: str) -> None:
+        """Require that values that are taken by their places have the names and the form that they had."""
         source = self.sources[index]
-        if source.names or source.places or not names:
+        if source.names or not form:
             return
-        if (known := self.names.setdefault(source.phalanx, names)) != names:
-            advice = f"names: [{', '.join(known)}] in the adapter takes the values by them"
+        if (known := self.forms.setdefault(source.phalanx, form)) != form:
+            raise MeasurementError(f"{source.topic}: expected {known} as before, found {form}")
+        if source.places or not names:
+            return
+        if (before := self.names.setdefault(source.phalanx, names)) != names:
+            advice = f"names: [{', '.join(before)}] in the adapter takes the values by them"
             raise MeasurementError(
-                f"{source.topic}: expected names {listed(known)}, found {listed(names)}; {advice}"
+                f"{source.topic}: expected names {listed(before)}, found {listed(names)}; {advice}"
             )
 
     def _unread(self) -> Iterator[str]:
@@ -334,6 +343,16 @@ class StrainAdapter:
             if names := self.names.get(source.phalanx):
                 advice = f"names: [{', '.join(names)}]" if len(set(names)) == len(names) else "names"
                 yield f"{source.topic} names its values, whose order may change: {advice} takes them by name"
+
+    def _left_out(self) -> Iterator[str]:
+        """Messages of the first phalanx with the stamp of the one before, or an earlier one."""
+        if self._late:
+            source = self.sources[0]
+            text = (
+                f"{source.topic}: {self._late} of {self._values[0]} messages have stamps that do not increase"
+            )
+            advice = f"; stamp: {_RECEIPT} in the adapter takes the times of receipt"
+            yield f"{text}, and are left out" + advice * (source.stamp == _HEADER)
 
     def _vector(self, stamp_ns: int) -> StrainVector:
         strain = np.full(self.layout.size, np.nan)

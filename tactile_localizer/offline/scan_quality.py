@@ -13,7 +13,9 @@ from tactile_localizer.io.recording import ENDED, RecordedSweep
 from tactile_localizer.scene import Scene
 from tactile_localizer.streams.alternation import alternates
 from tactile_localizer.streams.coverage import Coverage
+from tactile_localizer.streams.delay import Track
 from tactile_localizer.streams.palm_motion import describe_motion
+from tactile_localizer.streams.plausible_strain import describe_strain
 
 _MIN_PAIRS = 50
 """Pairs below which a channel cannot be checked."""
@@ -42,7 +44,7 @@ def findings(scan: Scan, scene: Scene, sweeps: Sequence[RecordedSweep]) -> list[
         number, motion = implausible[0]
         others = f", and {len(implausible) - 1} of {len(sweeps) - 1} others are implausible"
         found.append(f"{motion} (sweep {number}{others * (len(implausible) > 1)})")
-    found += mixed_sources(sweeps)
+    found += strain_findings(scene, sweeps)
     if len(scan.sweep_numbers) == 1:
         found.append("only one sweep: the noise between sweeps cannot be estimated")
     coverage = Coverage(scene)
@@ -58,8 +60,11 @@ def findings(scan: Scan, scene: Scene, sweeps: Sequence[RecordedSweep]) -> list[
     return found
 
 
-def mixed_sources(sweeps: Sequence[RecordedSweep]) -> list[str]:
-    """A line about sweeps in which the strain of two sources seems to be mixed."""
-    mixed = [str(each.number) for each in sweeps if alternates(each.strain)]
-    text = f"strain that alternates from sample to sample, of two sources: sweep {listed(mixed)}"
-    return [text] if mixed else []
+def strain_findings(scene: Scene, sweeps: Sequence[RecordedSweep]) -> list[str]:
+    """Findings about the strain of sweeps of a scene, one line for each kind."""
+    if mixed := [str(each.number) for each in sweeps if alternates(each.strain)]:
+        return [f"strain that alternates from sample to sample, of two sources: sweep {listed(mixed)}"]
+    places = map(scene.layout.place, range(scene.layout.size))
+    names = [f"{scene.phalanx_names[phalanx]} {channel}" for phalanx, channel in places]
+    tracks = [Track(each.stamp_ns, each.position, each.strain) for each in sweeps]
+    return describe_strain(tracks, names)

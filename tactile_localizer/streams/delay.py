@@ -70,11 +70,21 @@ class Delay:
     displacement: float
     is_significant: bool
 
+    @property
+    def is_likely(self) -> bool:
+        """Whether there is one with 95 %, significant or not."""
+        return abs(self.seconds) > max(_SHORTEST_S, self.error_s)
+
     def __str__(self) -> str:
         """The delay with its interval, and what it does, in one line."""
         found = f"{self.seconds:.3f} s (+-{self.error_s:.3f} s)"
         if not self.is_significant:
-            return f"strain is not seen to be late against the poses: {found}"
+            seen = (
+                "may be late against the poses, or of a clock that drifts"
+                if self.is_likely
+                else "is not late"
+            )
+            return f"strain {seen}: {found}"
         strokes = f"strokes in opposite directions are displaced by {1e3 * self.displacement:.2g} mm"
         return f"strain is late against the poses by {found}: {strokes}"
 

@@ -122,7 +122,9 @@ def test_a_log_of_another_time_zone_is_named_with_the_remedy(folder, run, monkey
     status, _, refusal = run(arguments)
     assert status == 2
     way = "behind" if shift > 0 else "ahead of"
-    assert f"the poses are {abs(shift)} s {way} the strain, another time zone?" in refusal
+    assert (
+        f"error: sweep.asc: poses.csv: the poses are {abs(shift)} s {way} the strain, another tim" in refusal
+    )
     assert f"{hint} reads it as such; --column pose_stamp_s=stamp_s{shift:+} shifts the poses" in refusal
     status, printed, _ = run(f"{arguments} --column pose_stamp_s=stamp_s{shift:+}")
     assert status == 0, printed
@@ -321,9 +323,11 @@ def test_strain_that_is_late_in_strokes_there_and_back_is_corrected(folder, run)
 
 
 def test_a_delay_that_strokes_in_one_direction_hide_is_said(folder, run):
-    write_csv(folder / "train.csv", sheet_rows())
-    printed = run("csv train.csv --scene scene.yaml -o a_scan")[1]
-    assert "a delay of the strain against the poses cannot be seen" in printed
+    rows, hidden = sheet_rows(), "a delay of the strain against the poses cannot be seen"
+    write_csv(folder / "train.csv", rows)
+    write_csv(folder / "poses.csv", [[row[0], *row[2:4]] for row in rows], ["stamp_s", "x", "y"])
+    assert hidden not in run("csv train.csv --scene scene.yaml -o a_scan")[1], "rows of one source"
+    assert hidden in run("csv train.csv --poses poses.csv --scene scene.yaml -o two_scan")[1]
     late_strokes(folder / "late.csv", 24)
     assert (
         "late against the poses by 0.24"

@@ -25,6 +25,13 @@ def wrench(stamp_ms, *values):
     return Message(header=Message(stamp=stamp), wrench=Message(force=force, torque=torque))
 
 
+def image(encoding, pixels):
+    """An image of one row."""
+    data = np.frombuffer(pixels.tobytes(), np.uint8)
+    size = {"height": 1, "width": len(pixels), "step": len(data)}
+    return Message(encoding=encoding, is_bigendian=0, data=data, **size)
+
+
 def test_a_wrench_has_six_channels():
     made = adapter(index={"topic": "ft", "type": WRENCH, "scale": 2.0})
     vector = made.feed("ft", wrench(1500, 1, 2, 3, 4, 5, 6), 7)
@@ -114,6 +121,34 @@ def test_late_messages_are_skipped():
     assert [made.feed("a", wrench(s, *[0] * 6), 0) is not None for s in stamps] == [
         True, True, False, False, False, True, True,
     ]  # fmt: skip
+    (found,) = made.findings()
+    assert found.startswith(
+        "a: 3 of 7 messages have stamps that do not increase, and are left out; stamp: rec"
+    )
+    assert made.findings() == []
+
+
+@pytest.mark.parametrize(
+    ("entry", "first", "other"),
+    [
+        (
+            {"type": ARRAY, "values": [0, 1]},
+            Message(data=[1.0, 2.0, 3.0]),
+            Message(data=[9.0, 1.0, 2.0, 3.0]),
+        ),
+        (
+            {"type": "sensor_msgs/msg/Image", "channels": 2},
+            image("16UC1", np.array([1, 2], np.uint16)),
+            image("32FC1", np.array([1, 2], np.float32)),
+        ),
+    ],
+)
+def test_values_of_another_form_are_refused(entry, first, other):
+    made = adapter(index={"topic": "a", **entry})
+    assert made.feed("a", first, 1).strain.tolist() == [1.0, 2.0]
+    with pytest.raises(MeasurementError, match=r"a: expected . values.* as before, found . values"):
+        made.feed("a", other, 2)
+    assert made.feed("a", first, 3).strain.tolist() == [1.0, 2.0]
 
 
 JOINTS = {"topic": "/joint_states", "type": "sensor_msgs/msg/JointState", "field": "effort"}

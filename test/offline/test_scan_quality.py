@@ -40,7 +40,9 @@ def test_dead_channels_are_reported_in_one_line(sound):
 
 
 def test_a_sweep_that_ended_early_is_reported(sound):
-    sweep = RecordedSweep(1, np.zeros(100), *[np.zeros((100, 2))] * 3, ending="ended early")
+    sweep = RecordedSweep(
+        1, np.zeros(100), np.zeros((100, 2)), *[np.zeros((100, 16))] * 2, ending="ended early"
+    )
     found = findings(sound, SCENE, [sweep, replace(sweep, number=2, ending="ended")])
     assert found == ["recording ended early: sweep 1"]
 
@@ -48,7 +50,7 @@ def test_a_sweep_that_ended_early_is_reported(sound):
 def test_strain_of_two_sources_is_reported(sound):
     rng = np.random.default_rng(0)
     stamp_ns, x = np.arange(200) * 10_000_000, np.linspace(0.0, 0.05, 200)
-    place, signal = np.column_stack([x, x]), np.sin(100 * x)[:, None] * np.ones(8)
+    place, signal = np.column_stack([x, x]), np.sin(100 * x)[:, None] * np.ones(16)
     felt = signal + 0.05 * rng.standard_normal(signal.shape)
     other = felt + 0.5 * (np.arange(200) % 2)[:, None]
     sweeps = [RecordedSweep(n, stamp_ns, place, each, x) for n, each in enumerate((felt, other, signal), 1)]
@@ -61,7 +63,9 @@ def test_implausible_motion_is_reported_once(sound):
     stamp_ns, x = np.arange(0, 400) * 5_000_000, np.linspace(0.0, 0.05, 400)
     moving, two = (np.column_stack([x + off, x]) for off in (0.0, 0.01 * (np.arange(400) % 2)))
     places = [moving, moving[:1] + 0 * moving, two, moving, two]
-    sweeps = [RecordedSweep(n, stamp_ns, place, x[:, None], x) for n, place in enumerate(places, 1)]
+    sweeps = [
+        RecordedSweep(n, stamp_ns, place, x[:, None] * np.ones(16), x) for n, place in enumerate(places, 1)
+    ]
     (finding,) = findings(sound, SCENE, sweeps)
     assert finding == "the position does not change over 2.0 s (sweep 2, and 2 of 4 others are implausible)"
 

@@ -299,6 +299,9 @@ class _Cells:
         names, row = self._header.names, [cell.strip() for cell in row]
         if row == names:
             raise ValueError
+        if sorted(row) == sorted(names):
+            found = "other files behind each other? split them"
+            raise ScanError(f"{self._path} line {line}: expected numbers, found another header ({found})")
         self._rows += 1
         if any(row[len(names) :]):
             raise ScanError(

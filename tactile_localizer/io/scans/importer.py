@@ -58,11 +58,11 @@ def import_recording(
     kept = sum(int(np.count_nonzero(each == USABLE)) for each in reasons)
     total = len(recording) + recording.lost + sum(sweep.gaps for sweep in recording.sweeps)
     if not kept or (2 * kept < total and not force):
-        advice = " (--force imports them nevertheless)" if kept else ""
-        raise ScanError(
-            f"{recording.source}: expected at least half of {total} samples to be usable, "
-            f"found {kept}{advice}: {'; '.join(notes)}"
+        expected = f"expected at least half of {total} samples to be usable, found {kept}"
+        expected = (
+            f"{expected} (--force imports them nevertheless)" if kept else "expected samples, found none"
         )
+        raise ScanError(f"{recording.source}: {'; '.join((*notes, expected))}")
     path = Path(path)
     try:
         if path.exists():

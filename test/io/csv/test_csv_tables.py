@@ -233,3 +233,11 @@ def test_a_name_among_numbers_of_sweeps_is_no_sweep(tmp_path):
     recording = read_csv(path, LINE)
     assert [len(sweep) for sweep in recording.sweeps] == [2]
     assert "column sweep: expected a number, found 'x'" in " ".join(recording.notes)
+
+
+def test_another_header_behind_the_rows_is_refused(tmp_path):
+    """As of two files behind each other, whose columns are in another order."""
+    other = [HEADER[0], HEADER[1], *HEADER[:1:-1]]
+    path = write_csv(tmp_path / "a.csv", HEADER, [*line_rows(4), other, *line_rows(4)])
+    with pytest.raises(ScanError, match="line 6: expected numbers, found another header"):
+        read_csv(path, LINE)

@@ -1,0 +1,158 @@
+"""Plausibility of strain: values that are none, jumps, values that are held, another gain, other poses.
+
+Each is in a map without a trace, as its status is OK. The thresholds are judgement. In our recordings of load
+cells and taxels, real and simulated, an end of the range comes up to 4 times, one step exceeds half of the
+range, no strain is held, and no sweep has more than 1.0 times the noise of the others in all channels.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tactile_localizer.errors import listed
+from tactile_localizer.streams.delay import Track
+from tactile_localizer.streams.runs import NANOSECONDS
+
+_MIN_COUNT = 50
+"""Number of samples below which nothing is reported."""
+_END_COUNT, _END_RATIO, _FINE = 10, 10, 2
+"""Number of samples with the value at an end of the range, and by that of the value next to it; number of
+samples with one value from which values repeat."""
+_JUMP, _JUMPS = 0.5, 5
+"""Step that is a jump, by the range of a channel; number of them, which is four times that of steps of half
+this size: vibration that is sampled slowly has steps of any size."""
+_LASTING, _CHANGING = 0.05, 0.01
+"""Fraction of the samples for which a channel stops; fraction of the other steps that are zero."""
+_HELD, _REGULAR = 2, 0.9
+"""Median number of samples from one change of the strain to the next where it is held, and fraction of them
+that differ from it by up to one."""
+_GAIN = 4.0
+"""Noise of a sweep in each channel, by that of the median sweep."""
+_BLOCK_S, _BLOCKS, _AT_REST, _AS_MUCH, _ABOVE_NOISE = 0.2, 10, 0.05, 0.5, 2.0
+"""Time in which changes are compared, s; number of those at rest and in motion; motion at rest, and change of
+the strain at rest, both by those in motion; change in motion by that which white noise has."""
+
+
+def describe_strain(tracks: Sequence[Track], channels: Sequence[str]) -> list[str]:
+    """What is implausible about strain, one line for each kind.
+
+    Parameters
+    ----------
+    tracks : sweeps; samples that are not finite are left out
+    channels : (C,) their names
+    """
+    finite = [np.isfinite(each.strain).all(axis=1) for each in tracks]
+    rows = [rows for rows in finite if np.count_nonzero(rows) > 2]
+    tracks = [
+        Track(each.stamp_ns[rows], each.position[rows], each.strain[rows])
+        for each, rows in zip(tracks, finite, strict=True)
+        if np.count_nonzero(rows) > 2
+    ]
+    if sum(map(np.count_nonzero, rows)) < _MIN_COUNT:
+        return []
+    strain = np.concatenate([each.strain for each in tracks])
+    step = np.concatenate([_steps(each) for each in tracks])
+    found = [_ends(strain, channels), _jumps(strain, step, channels), _stops(strain, channels)]
+    return [*filter(None, [*found, _held(step), _gains(tracks), _at_rest(tracks, strain, step)])]
+
+
+def _steps(track: Track) -> np.ndarray:
+    """Steps (m, C) from a sample to the next, but across gaps in time."""
+    period_ns = np.diff(track.stamp_ns)
+    return np.diff(track.strain, axis=0)[period_ns <= 3 * np.median(period_ns)]
+
+
+def _ends(strain: np.ndarray, channels: Sequence[str]) -> str:
+    """Values at an end of the range that come again and again.
+
+    Where values repeat, as in steps of a converter, the end nearer to the median is that of rest. So is zero.
+    """
+    found = []
+    for column, name in zip(strain.T, channels, strict=True):
+        middle = np.median(column)
+        ends = sorted({column.min(), column.max()}, key=lambda end: abs(end - middle))
+        for value in ends:
+            others = column[column != value]
+            count = len(column) - len(others)
+            if not value or not len(others) or count < _END_COUNT:
+                continue
+            beside = np.count_nonzero(others == others[np.argmin(np.abs(others - value))])
+            is_fine = len(np.unique(others)) * _FINE > len(others)
+            if count >= _END_RATIO * beside and (is_fine or value == ends[-1]):
+                found.append(f"{name}: {value:.6g} in {count} of {len(column)} samples")
+    reason = "saturated, or no measurement"
+    return f"strain at the end of its range comes again and again, {reason}: {listed(found)}" if found else ""
+
+
+def _jumps(strain: np.ndarray, step: np.ndarray, channels: Sequence[str]) -> str:
+    spread, size = np.ptp(strain, axis=0), np.abs(step)
+    jumps, half = (np.count_nonzero(size > part * spread, axis=0) for part in (_JUMP, _JUMP / 2))
+    has = (jumps >= _JUMPS) & (jumps >= 4 * (half - jumps))
+    found = [f"{channels[each]} {jumps[each]} times" for each in np.flatnonzero(has).tolist()]
+    reason = "two sources, spikes, or an overflow"
+    return f"strain jumps over half of its range within a sample, {reason}: {listed(found)}" if found else ""
+
+
+def _stops(strain: np.ndarray, channels: Sequence[str]) -> str:
+    """Channels that change from sample to sample, but for a long time."""
+    found = []
+    for column, name in zip(strain.T, channels, strict=True):
+        changes = np.flatnonzero(np.diff(column))
+        runs = np.diff(changes, prepend=-1, append=len(column) - 1)
+        longest, zeros = int(runs.max()), len(column) - 1 - len(changes)
+        value = column[changes[runs.argmax() - 1] + 1] if runs.argmax() else column[0]
+        is_long = max(_MIN_COUNT, _LASTING * len(column)) < longest < len(column)
+        is_at_end = value in (column.min(), column.max())
+        if is_long and not is_at_end and zeros - (longest - 1) < _CHANGING * len(column):
+            found.append(f"{name} for {longest} samples")
+    return f"strain does not change, a sensor that stopped: {listed(found)}" if found else ""
+
+
+def _held(step: np.ndarray) -> str:
+    """Strain that is held and then steps, as of a source that is slower than its stamps."""
+    lasting = np.diff(np.flatnonzero(step.any(axis=1)))
+    if len(lasting) < _MIN_COUNT or (samples := int(np.median(lasting))) < _HELD:
+        return ""
+    if np.mean(np.abs(lasting - samples) <= 1) < _REGULAR:
+        return ""
+    return f"strain is held for {samples} samples, then steps: a source that is slower than its stamps"
+
+
+def _gains(tracks: Sequence[Track]) -> str:
+    """Sweeps in which each channel has the noise of the others times a factor."""
+    noise = np.array([np.std(np.diff(each.strain, 2, axis=0), axis=0) for each in tracks])
+    usual = np.median(noise, axis=0)
+    ratio = np.min(noise / np.where(usual > 0.0, usual, np.inf), axis=1)
+    other = np.flatnonzero(ratio > _GAIN)
+    if not len(other):
+        return ""
+    sweeps = f"{len(other)} of {len(tracks)} sweeps"
+    factor = np.median(ratio[other])
+    return f"strain of {sweeps} has {factor:.2g} times the noise of the others: another unit, or gain"
+
+
+def _at_rest(tracks: Sequence[Track], strain: np.ndarray, step: np.ndarray) -> str:
+    """Strain that changes while the palm rests, as with poses of another time or that are not sent on."""
+    spread = np.std(strain, axis=0)
+    spread[spread == 0.0] = np.inf
+    moved, changed, sizes = [], [], []
+    for track in tracks:
+        block = (track.stamp_ns - track.stamp_ns[0]) // round(_BLOCK_S * NANOSECONDS)
+        begin = np.flatnonzero(np.diff(block, prepend=-1))
+        size = np.diff([*begin, len(block)])[:, None]
+        place, mean = (np.add.reduceat(each, begin) / size for each in (track.position, track.strain))
+        moved.append(np.linalg.norm(np.diff(place, axis=0), axis=1))
+        changed.append(np.linalg.norm(np.diff(mean, axis=0) / spread, axis=1))
+        sizes.append(size)
+    motion, change, size = map(np.concatenate, (moved, changed, sizes))
+    rests = motion < _AT_REST * np.quantile(motion, 0.9) if len(motion) else np.zeros(0, bool)
+    if min(np.count_nonzero(rests), np.count_nonzero(~rests)) < _BLOCKS:
+        return ""
+    in_motion = np.mean(change[~rests])
+    of_noise = np.linalg.norm(np.std(step, axis=0) / spread) / np.sqrt(np.median(size))
+    if in_motion < _ABOVE_NOISE * of_noise or np.mean(change[rests]) < _AS_MUCH * in_motion:
+        return ""
+    return (
+        "strain changes while the palm rests as while it moves: poses of another time, or that stopped, or "
+        "the grip changed"
+    )
