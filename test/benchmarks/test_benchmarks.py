@@ -98,6 +98,15 @@ def test_speed_measures_what_a_user_waits_for(bump: Path, tmp_path: Path) -> Non
     assert values["decoding"] > 0.0
 
 
+def test_delays_are_found_of_strokes_there_and_back(bump: Path, tmp_path: Path) -> None:
+    arguments = ("--delays", "0", ".1", "--errors", "--orders", "0", "3", "--jobs", "1")
+    rows = rows_of(tmp_path, "delays.py", bump, *arguments)
+    assert [(row["order"], row["delay_ms"], row["corrected"]) for row in rows] == [
+        (order, delay_ms, int(delay_ms > 0)) for order in (0, 3) for delay_ms in (0, 100)
+    ]
+    assert max(abs(row["found_less_ms"]) for row in rows) < 10.0
+
+
 def test_features_has_a_row_for_each_threshold(tmp_path: Path, learned: None) -> None:
     chosen = ["--seeds", "80", "--features", "bump", "--sweeps", "1", "--jobs", "1"]
     plot = tmp_path / "convergence.png"
