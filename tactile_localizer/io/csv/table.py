@@ -26,7 +26,7 @@ from tactile_localizer.io.csv.columns import (
     missing_column,
     phalanges_in,
 )
-from tactile_localizer.io.csv.rows import MISSING, Block, Header, cells_of, read_rows
+from tactile_localizer.io.csv.rows import MISSING, NUMBER, Block, Header, cells_of, read_rows
 from tactile_localizer.io.names import ROW, Names
 from tactile_localizer.quantity import LARGEST_NUMBER
 from tactile_localizer.scene import AXIS_NAMES, Scene
@@ -156,6 +156,7 @@ class _Cells:
         self, path: Path, header: Header, needed: Mapping[str, Names], places: Sequence[int], required: int
     ) -> None:
         self._path, self._header, self._places = path, header, places
+        self._words = {name for name in header.names if name and not NUMBER.fullmatch(name)}
         self._rows = 0
         stamp, self._stamp = next(iter(needed.items()))
         self._unit = in_other_unit(stamp, self._stamp)
@@ -299,7 +300,7 @@ class _Cells:
         names, row = self._header.names, [cell.strip() for cell in row]
         if row == names:
             raise ValueError
-        if sorted(row) == sorted(names):
+        if len(self._words.intersection(row)) > 1:
             found = "other files behind each other? split them"
             raise ScanError(f"{self._path} line {line}: expected numbers, found another header ({found})")
         self._rows += 1

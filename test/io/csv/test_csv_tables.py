@@ -235,9 +235,10 @@ def test_a_name_among_numbers_of_sweeps_is_no_sweep(tmp_path):
     assert "column sweep: expected a number, found 'x'" in " ".join(recording.notes)
 
 
-def test_another_header_behind_the_rows_is_refused(tmp_path):
-    """As of two files behind each other, whose columns are in another order."""
-    other = [HEADER[0], HEADER[1], *HEADER[:1:-1]]
-    path = write_csv(tmp_path / "a.csv", HEADER, [*line_rows(4), other, *line_rows(4)])
+@pytest.mark.parametrize("other", [[*HEADER[:2], *HEADER[:1:-1]], [*HEADER[:2], *HEADER[3:]]])
+def test_another_header_behind_the_rows_is_refused(tmp_path, other):
+    """As of two files behind each other, whose columns are others, or in another order."""
+    rows = [*line_rows(4), other, *(row[: len(other)] for row in line_rows(4))]
+    path = write_csv(tmp_path / "a.csv", HEADER, rows)
     with pytest.raises(ScanError, match="line 6: expected numbers, found another header"):
         read_csv(path, LINE)
