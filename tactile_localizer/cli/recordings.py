@@ -17,7 +17,7 @@ from tactile_localizer.errors import ParameterError, ScanError
 from tactile_localizer.io.bags.sweeps import TOPICS
 from tactile_localizer.io.csv.columns import ColumnNaming, load_naming, naming_from_dict, naming_from_pairs
 from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import Recording, is_bag, is_scan, undelayed
+from tactile_localizer.io.recording import Recording, delay_of, gap_notes, is_bag, is_scan, undelayed
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.strain_adapter import load_adapter
@@ -221,8 +221,11 @@ def _read_recording(args: argparse.Namespace, scene: Scene, number: int) -> tupl
 
 
 def _noted(recording: Recording, scene: Scene) -> Recording:
-    """A recording with notes about implausible strain."""
-    return replace(recording, notes=(*recording.notes, *strain_findings(scene, recording.sweeps)))
+    """A recording with notes about strain that lacks a position, is implausible, or is late."""
+    notes = [*recording.notes, *gap_notes(recording), *strain_findings(scene, recording.sweeps)]
+    if (delay := delay_of(recording, scene.axes)) and delay.is_significant:
+        notes.append(f"{recording.source}: {delay}; --delay {delay.seconds:.3f} corrects it")
+    return replace(recording, notes=tuple(notes))
 
 
 def _undelayed(args: argparse.Namespace, scene: Scene, recording: Recording) -> Recording:

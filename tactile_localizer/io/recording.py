@@ -270,6 +270,13 @@ def _detected(detector: SweepDetector, samples: RecordedSweep, has_position: np.
     return numbers[1:]
 
 
+def gap_notes(recording: Recording) -> list[str]:
+    """A line about samples that are left out because no pose was close enough in time."""
+    gaps = sum(sweep.gaps for sweep in recording.sweeps)
+    found = f"skipped {gaps} of {len(recording) + gaps} samples without a palm pose close enough in time"
+    return [found] * bool(gaps)
+
+
 def scan_of(recording: Recording, scene: Scene) -> Scan:
     """The samples of all sweeps as training pairs, in the order of the sweeps; ``scene`` names the columns.
 

@@ -322,6 +322,20 @@ def test_strain_that_is_late_in_strokes_there_and_back_is_corrected(folder, run)
     np.testing.assert_allclose(scan.states, true.states[rows], atol=1e-9)
 
 
+def test_replay_says_of_strain_what_an_import_says(folder, run, capsys):
+    late_strokes(folder / "on_time.csv", 0)
+    run("csv on_time.csv --scene line.yaml -o a_scan")
+    late_strokes(folder / "late.csv", 24)
+    main(["replay", "late.csv", "--scan", "a_scan"])
+    delay = r"note: late\.csv: strain is late against the poses by 0\.24.*; --delay 0\.24\d corrects it"
+    assert re.search(delay, capsys.readouterr().out)
+    rows = [row.split(",") for row in (folder / "on_time.csv").read_text().splitlines()]
+    write_csv(folder / "strain.csv", [[row[0], *row[3:]] for row in rows[1:]], [rows[0][0], *rows[0][3:]])
+    write_csv(folder / "poses.csv", [[row[0], row[2]] for row in rows[1:1501]], ["stamp_s", "x"])
+    main(["replay", "strain.csv", "--poses", "poses.csv", "--scan", "a_scan"])
+    assert "note: skipped 500 of 2000 samples without a palm pose" in capsys.readouterr().out
+
+
 def test_a_delay_that_strokes_in_one_direction_hide_is_said(folder, run):
     rows, hidden = sheet_rows(), "a delay of the strain against the poses cannot be seen"
     write_csv(folder / "train.csv", rows)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.errors import ScanError, listed
-from tactile_localizer.io.recording import OUTSIDE, USABLE, Recording, screen
+from tactile_localizer.io.recording import OUTSIDE, USABLE, Recording, gap_notes, screen
 from tactile_localizer.io.scans.folder import SESSIONS, require_new
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.status import MISSING, SATURATED
@@ -100,10 +100,10 @@ def _skipped_notes(recording: Recording, scene: Scene, reasons: Sequence[np.ndar
         (counts[OUTSIDE], f"with a palm position outside the scene's bounds ({ranges})"),
         (counts[MISSING], "with missing or implausibly large strain"),
         (counts[SATURATED], "with saturated strain"),
-        (gaps, "without a palm pose close enough in time"),
     ):
         if count:
             yield f"skipped {count} of {len(recording) + gaps} samples {what}"
+    yield from gap_notes(recording)
     each = zip(recording.sweeps, reasons, strict=True)
     if empty := [str(sweep.number) for sweep, reason in each if not (reason == USABLE).any()]:
         yield f"no pairs: sweep {listed(empty)}"
