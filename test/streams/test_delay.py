@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.scene import Axis
-from tactile_localizer.streams.delay import Track, estimate_delay
+from tactile_localizer.streams.delay import Delay, Track, estimate_delay
 
 LINE = (Axis("x", -1.0, 1.0),)
 PLANE = (*LINE, Axis("y", -1.0, 1.0))
@@ -91,3 +91,14 @@ def test_one_track_may_have_all_strokes_on_one_line():
     for axes, columns in ((PLANE, slice(0, 2)), (LINE, slice(0, 1))):
         track = Track(whole.stamp_ns, whole.position[:, columns], whole.strain)
         assert estimate_delay(axes, [track]).seconds == pytest.approx(0.15, abs=0.005)
+
+
+def test_a_clock_that_drifts_is_no_delay_to_correct():
+    tracks = [there_and_back(0.04 * number, 3)[number] for number in range(10)]
+    found = estimate_delay(PLANE, tracks)
+    assert found.is_likely
+    assert not found.is_significant
+    assert "may be late against the poses, or of a clock that drifts" in str(found)
+    within_chance = Delay(0.03, 0.04, 0.0, is_significant=False)
+    assert not within_chance.is_likely
+    assert str(within_chance) == "strain is not late: 0.030 s (+-0.040 s)"

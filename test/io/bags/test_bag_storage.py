@@ -2,6 +2,7 @@
 
 import shutil
 import sqlite3
+import struct
 from contextlib import closing
 from pathlib import Path
 
@@ -164,6 +165,18 @@ def test_a_killed_recorder_leaves_an_mcap_file_whose_whole_chunks_are_read(tmp_p
     assert place * len(whole) * 0.7 < len(found) <= len(whole)
     begun = whole.sweeps[0].stamp_ns[: len(found)]
     np.testing.assert_array_equal(found.sweeps[0].stamp_ns, begun)
+
+
+def test_messages_that_an_mcap_file_counts_are_all_there(tmp_path):
+    bag = write_bag(tmp_path / "bag", slide(0, 1000))
+    path = copied(bag, tmp_path / "own.mcap", None, enable_crcs=False)
+    count = struct.Struct("<HQ")  # of messages by channel, as the statistics have it
+    content = path.read_bytes()
+    (channel,) = (each for each in range(1, 4) if count.pack(each, 200) in content[-1000:])
+    more = content[-1000:].replace(count.pack(channel, 200), count.pack(channel, 201))
+    path.write_bytes(content[:-1000] + more)
+    with pytest.raises(ScanError, match=r"201 messages of .* were recorded, found 200"):
+        read_bag(path, SCENE)
 
 
 def test_a_bag_of_ros_1_is_named_with_what_converts_it(tmp_path):

@@ -213,6 +213,13 @@ def test_a_counter_that_exceeds_the_time_has_jumped():
     assert counter.jumps == 1
 
 
+def test_a_load_cell_that_restarts_after_few_frames_does_not_give_the_range():
+    counter = RollingCounter(256)
+    for value in [*range(4), *range(10)]:
+        assert counter.follows(value) or counter.advance(value, 1.0, 1.0) == 1
+    assert (counter.span, counter.jumps) == (256, 1)
+
+
 def test_the_range_of_a_counter_is_that_of_its_bits_without_offset_and_scale(tmp_path):
     path = write_cells(tmp_path / "hand.dbc", {"index_a": ["gauge_1"]}, "4 [10|38]")
     path.write_text(path.read_text().replace("(1,0) [10|38]", "(2,10) [10|38]"))
