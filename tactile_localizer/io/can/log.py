@@ -1,5 +1,6 @@
 """Recorded CAN logs of any format that python-can reads: strain with the stamps of the log."""
 
+import math
 import re
 import zlib
 from collections.abc import Callable, Iterator
@@ -70,14 +71,15 @@ def read_log(
     """
     path = Path(path)
     assembler, cycles, damage = CycleAssembler(protocol), [], _Damage(path)
-    senders = _Senders(assembler.counts)
+    senders, back, newest_s = _Senders(assembler.counts), 0, -math.inf
     for frame in _of_channel(path, _frames(path, damage, progress), channel):
         cycles += assembler.feed([frame])
         senders.note(frame)
+        back, newest_s = back + (frame.timestamp < newest_s), frame.timestamp
     assembler.reset()
     cycles += assembler.feed([])
     if not cycles:
-        raise ScanError("; ".join(damage.notes()) or f"{path}: {_nothing(protocol, assembler.counts)}")
+        raise ScanError("; ".join(damage.notes()) or f"{path}: {_nothing(protocol, assembler.counts, back)}")
     strain = np.array([_usable(protocol, cycle) for cycle in cycles])
     if two := senders.describe_two(protocol, strain):
         raise ScanError(f"{path}: {two}")
@@ -314,7 +316,15 @@ def _usable(protocol: LoadCellProtocol, cycle: Cycle) -> np.ndarray:
     return np.where(bad[protocol.channels.phalanx], np.nan, cycle.strain)
 
 
-def _nothing(protocol: LoadCellProtocol, counts: BusCounts) -> str:
-    """Why a log has no samples."""
+def _nothing(protocol: LoadCellProtocol, counts: BusCounts, back: int) -> str:
+    """Why a log has no samples, of which ``back`` frames are earlier than the one before."""
     reasons = [protocol.misfit(frame, slot) for slot, frame in counts.misfits.items() if slot >= 0]
-    return "; ".join(reasons) or f"none of {sum(counts.frames)} frames has an identifier of the DBC"
+    total = sum(counts.frames)
+    if not reasons and counts.frames[FrameKind.UNKNOWN_ID] < total:
+        reasons = [f"no sample of {total} frames is complete"]
+    if 10 * back > total:
+        text = (
+            f"{back} of {total} frames are earlier than the one before: times between frames, as of candump"
+        )
+        reasons.append(f"{text} -t d? -l writes absolute ones")
+    return "; ".join(reasons) or f"none of {total} frames has an identifier of the DBC"

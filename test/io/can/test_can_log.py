@@ -222,3 +222,13 @@ def test_one_of_several_channels_is_read(tmp_path: Path) -> None:
     assert len(read_log(path, HAND, "can1")[1]) >= 98
     with pytest.raises(ScanError, match="expected the channel can7, found can0, can1"):
         read_log(path, HAND, "can7")
+
+
+def test_times_between_the_frames_of_a_log_are_named(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "sweep.log", frames_of(range(100)), "can0")
+    lines = [line.partition(") ") for line in path.read_text().splitlines(keepends=True)]
+    times = [float(line[0][1:]) for line in lines]
+    steps = np.diff(times, prepend=times[0])
+    path.write_text("".join(f"({step:.6f}) {line[2]}" for step, line in zip(steps, lines, strict=True)))
+    with pytest.raises(ScanError, match=r"frames are earlier than the one before: times between frames"):
+        read_log(path, HAND)
