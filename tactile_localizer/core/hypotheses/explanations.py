@@ -10,7 +10,7 @@ import numpy as np
 from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH
 from tactile_localizer.core.weights import bayes
 
-RELOCATION_RATE = 1.0
+RELOCATION_RATE = 0.3
 """Rate at which a hand is placed anywhere on the map, from on it or from elsewhere, per metre of travel. By
 judgement."""
 RELOCATION_DISTANCE = 0.01

@@ -172,7 +172,7 @@ def _whitened(
         inverse,
         np.square(inverse).sum(axis=1) + np.square(left_out) @ white.variance[0],
         np.array([np.log(np.diag(square)[own]).sum() for own in layout.slices]),
-        material.session_ratio * _level_variance(level @ whitening.T, layout),
+        _level_variance(level @ whitening.T, layout) if sheet else np.full(layout.size, np.inf),
         whitening @ turning if sheet else np.zeros(layout.size),
         white,
     )

@@ -42,7 +42,7 @@ _log = logging.getLogger(__name__)
 
 FILE = "calibration.json"
 _MOST_BYTES = 2**20
-ALGORITHM = 21
+ALGORITHM = 22
 """Number that changes with the algorithm of :func:`~.factory.learn`."""
 
 
