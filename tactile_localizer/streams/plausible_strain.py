@@ -41,19 +41,19 @@ def describe_strain(tracks: Sequence[Track], channels: Sequence[str]) -> list[st
     tracks : sweeps; samples that are not finite are left out
     channels : (C,) their names
     """
-    finite = [np.isfinite(each.strain).all(axis=1) for each in tracks]
-    rows = [rows for rows in finite if np.count_nonzero(rows) > 2]
-    tracks = [
-        Track(each.stamp_ns[rows], each.position[rows], each.strain[rows])
-        for each, rows in zip(tracks, finite, strict=True)
-        if np.count_nonzero(rows) > 2
-    ]
-    if sum(map(np.count_nonzero, rows)) < _MIN_COUNT:
+    tracks = [each for each in map(_finite, tracks) if len(each.stamp_ns) > 2]
+    if sum(len(each.stamp_ns) for each in tracks) < _MIN_COUNT:
         return []
     strain = np.concatenate([each.strain for each in tracks])
     step = np.concatenate([_steps(each) for each in tracks])
     found = [_ends(strain, channels), _jumps(strain, step, channels), _stops(strain, channels)]
     return [*filter(None, [*found, _held(step), _gains(tracks), _at_rest(tracks, strain, step)])]
+
+
+def _finite(track: Track) -> Track:
+    """The samples that are finite."""
+    rows = np.isfinite(track.strain).all(axis=1)
+    return track if rows.all() else Track(track.stamp_ns[rows], track.position[rows], track.strain[rows])
 
 
 def _steps(track: Track) -> np.ndarray:
@@ -68,18 +68,18 @@ def _ends(strain: np.ndarray, channels: Sequence[str]) -> str:
     Where values repeat, as in steps of a converter, the end nearer to the median is that of rest. So is zero.
     """
     found = []
-    for column, name in zip(strain.T, channels, strict=True):
-        middle = np.median(column)
-        ends = sorted({column.min(), column.max()}, key=lambda end: abs(end - middle))
-        for value in ends:
-            others = column[column != value]
-            count = len(column) - len(others)
-            if not value or not len(others) or count < _END_COUNT:
-                continue
-            beside = np.count_nonzero(others == others[np.argmin(np.abs(others - value))])
-            is_fine = len(np.unique(others)) * _FINE > len(others)
-            if count >= _END_RATIO * beside and (is_fine or value == ends[-1]):
-                found.append(f"{name}: {value:.6g} in {count} of {len(column)} samples")
+    ends = np.array([strain.min(axis=0), strain.max(axis=0)])
+    counts = np.array([np.count_nonzero(strain == end, axis=0) for end in ends])
+    for side, channel in np.argwhere((counts >= _END_COUNT) & (ends != 0.0)).tolist():
+        value, column, count = ends[side, channel], strain[:, channel], counts[side, channel]
+        others = column[column != value]
+        if not len(others):
+            continue
+        beside = np.count_nonzero(others == others[np.argmin(np.abs(others - value))])
+        is_fine = len(np.unique(others)) * _FINE > len(others)
+        is_far = np.abs(value - np.median(column)) >= np.abs(ends[1 - side, channel] - np.median(column))
+        if count >= _END_RATIO * beside and (is_fine or is_far):
+            found.append(f"{channels[channel]}: {value:.6g} in {count} of {len(column)} samples")
     reason = "saturated, or no measurement"
     return f"strain at the end of its range comes again and again, {reason}: {listed(found)}" if found else ""
 
