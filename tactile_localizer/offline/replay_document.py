@@ -10,7 +10,6 @@ import numpy as np
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.likelihood.material import Material
-from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.io.recording import RecordedSweep
@@ -64,8 +63,9 @@ class Evaluation:
         return judge(self.sweeps)
 
 
-def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) -> dict[str, str]:
+def learned_values(localizer: Localizer, calibration: Calibration) -> dict[str, str]:
     """What was learned from a scan, by name, with units; the noise is in the unit of the scan's strain."""
+    model, own = localizer.model, localizer.position_length
     memory = model.drift.memory
     kinds = {
         Material.CLOTH: "textured, or under a force that wanders",
@@ -75,9 +75,10 @@ def learned_values(scene: Scene, model: SweepMixture, calibration: Calibration) 
     return {
         "material": kinds[model.material],
         "information length": f"{calibration.examination.information_length * MM:.1f} mm",
+        **({} if own is None else {"that of the model": f"{own * MM:.1f} mm"}),
         "memory of the level": f"{memory * MM:.0f} mm" if memory < 1.0 else "constant",
         "noise of a channel": f"{np.median(noise):.2g} ({noise.min():.2g} to {noise.max():.2g})",
-        "registration": describe_sizes(scene, calibration.registration_std),
+        "registration": describe_sizes(localizer.scene, calibration.registration_std),
     }
 
 
@@ -96,7 +97,7 @@ def replay_document(evaluation: Evaluation) -> dict[str, Any]:
         "timing": timing(evaluation.sweeps),
         "recording": {"source": evaluation.replayed.source, "notes": evaluation.replayed.notes},
         "configuration": evaluation.configuration,
-        "learned": learned_values(evaluation.scene, evaluation.localizer.model, evaluation.calibration),
+        "learned": learned_values(evaluation.localizer, evaluation.calibration),
         "scene": scene_to_dict(evaluation.scene),
         "axes": evaluation.scene.axis_names,
         "updates": updates(evaluation.sweeps),

@@ -13,6 +13,7 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.errors import ParameterError
+from tactile_localizer.offline.replay_document import learned_values
 
 SCENE = scene(2, 1)
 
@@ -28,6 +29,8 @@ def test_a_model_has_an_information_length_of_its_own() -> None:
     assert localizer.information_length == CALIBRATION.examination.information_length, (
         "the other explanations are compared by that of the scan"
     )
+    assert learned_values(localizer, CALIBRATION)["that of the model"] == "0.5 mm"
+    assert "that of the model" not in learned_values(built("sweep_mixture"), CALIBRATION)
 
 
 @pytest.mark.parametrize("length", [0.0, -0.001, np.nan, "long", None])
