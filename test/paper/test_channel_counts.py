@@ -53,6 +53,7 @@ def test_the_level_of_a_sweep_does_not_move_the_position_of_another_model() -> N
             estimate = localizer.update(n * 10**7, place, strain)
         ends.append(estimate.mean)
     np.testing.assert_allclose(ends[1], ends[0], atol=5e-4)
+    assert estimate.on_map > 0.2, "another session differs by more than the sweeps of the scan"
     assert np.linalg.norm(ends[1] - way[-1]) < 0.003
 
 

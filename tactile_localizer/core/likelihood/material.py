@@ -7,6 +7,8 @@ import numpy as np
 
 from tactile_localizer.core.likelihood.drift import innovations
 
+_SESSION_RATIO = 4.0
+"""Variance ratio of sheets: another session, with another force, differs twice as much. By judgement."""
 CLOTH_MEMORY = 0.01
 """m of travel over which the level is averaged on cloth. By judgement."""
 
@@ -18,6 +20,11 @@ class Material(Enum):
     """The level is constant, and defined by the strain of featureless places."""
     CLOTH = "cloth"
     """The level wanders, as under a finger on cloth, and nothing defines it."""
+
+    @property
+    def session_ratio(self) -> float:
+        """Variance of the level of a new sweep, in that of the scan's sweeps; infinite: unknown."""
+        return _SESSION_RATIO if self is Material.SHEET else math.inf
 
     @property
     def memory(self) -> float:

@@ -172,7 +172,7 @@ def _whitened(
         inverse,
         np.square(inverse).sum(axis=1) + np.square(left_out) @ white.variance[0],
         np.array([np.log(np.diag(square)[own]).sum() for own in layout.slices]),
-        _level_variance(level @ whitening.T, layout) if sheet else np.full(layout.size, np.inf),
+        material.session_ratio * _level_variance(level @ whitening.T, layout),
         whitening @ turning if sheet else np.zeros(layout.size),
         white,
     )

@@ -160,11 +160,11 @@ def test_on_cloth_featureless_strain_does_not_turn_with_yaw() -> None:
     assert not estimate.noise.turning.any()
 
 
-def test_levels_of_sweeps_are_removed_and_those_of_a_new_one_vary_as_they_do() -> None:
+def test_levels_of_sweeps_are_removed_and_those_of_a_new_session_are_twice_as_large() -> None:
     estimate = as_sheet(bump_scan(SHEET, offsets=5.0))
     assert estimate.levels.std(axis=0).mean() == pytest.approx(5.0, rel=0.3)
     variance = np.var(estimate.levels @ estimate.noise.whitening.T, axis=0, ddof=1)
-    assert estimate.noise.level_variance.mean() == pytest.approx(variance.mean())
+    assert estimate.noise.level_variance.mean() == pytest.approx(2.0**2 * variance.mean())
 
 
 def test_strains_outside_the_region_are_zero() -> None:
