@@ -237,7 +237,7 @@ HELD = Scene("line", (Axis("x", 0.0, 0.1),), (Phalanx("index", (0.0,), 2),))
 
 
 class Nearest:
-    """A model of the position: the nearest pair of the scan, with so many times the evidence that it is."""
+    """A model of the position: a Gaussian about the nearest pair; ``claims`` scales its log-likelihood."""
 
     claims = 1.0
 
@@ -251,7 +251,7 @@ class Nearest:
 
 
 def test_a_model_of_the_position_is_worth_what_held_out_sweeps_show(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that claims so many times as much is believed less."""
+    """A model that overstates its evidence eight times gets a longer information length."""
     known = Calibration(np.full(2, 1e-3), Material.SHEET, examination=Examination(0.005))
     lengths = []
     for claims in (1.0, 8.0):
