@@ -2,11 +2,11 @@
 
 import contextlib
 import signal
-import threading
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import rclpy
@@ -89,9 +89,11 @@ class Operator:
         say: Callable[[str], None],
         speed: float = 1.0,
     ) -> None:
-        self._record, self._say, self._interrupted = record, say, threading.Event()
+        self._record, self._say = record, say
+        self._interrupted: dict[int, FrameType | None] = {}
         self._handlers = {
-            number: signal.signal(number, lambda *_: self._interrupted.set())
+            # Python code would be interrupted by the next signal, and that by the next; setdefault is not.
+            number: signal.signal(number, self._interrupted.setdefault)
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
             if signal.getsignal(number) is not signal.SIG_IGN  # nohup
         }
@@ -173,7 +175,7 @@ class Operator:
         """
         begun_s = time.monotonic()
         while not condition():
-            if self._interrupted.is_set():
+            if self._interrupted:
                 raise KeyboardInterrupt
             if time.monotonic() > max(begun_s, self._progress_s) + _TIMEOUT_S:
                 raise LiveError(f"waited {_TIMEOUT_S:g} s for {what}")

@@ -22,12 +22,15 @@ def test_an_interrupt_during_the_imports_is_no_crash(process: Callable[..., Any]
         assert "Traceback" not in node.output
 
 
-def test_a_second_interrupt_is_ignored(process: Callable[..., Any], probe: Any) -> None:
-    """Ctrl-C reaches a launched node twice: from the terminal, and from launch."""
+@pytest.mark.parametrize("pause_s", [0.005, 0.0])
+def test_interrupts_after_the_first_are_ignored(
+    process: Callable[..., Any], probe: Any, pause_s: float
+) -> None:
+    """Ctrl-C reaches a launched node twice, from the terminal and from launch: also within the handler."""
     reports = probe.diagnostics()
     node = process(node_command("adapter_node"))
     probe.until(lambda: reports, "the active node")
     while node.running:
         os.kill(node.pid, SIGINT)
-        time.sleep(0.005)
+        time.sleep(pause_s)
     assert node.wait() == 0, node.output

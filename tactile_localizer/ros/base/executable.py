@@ -3,8 +3,8 @@
 import gc
 import logging
 import signal
-import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import FrameType
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -35,9 +35,10 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
     int
         Exit status: 0, or :data:`REJECTED` if the node could not be constructed or autostarted.
     """
-    ended = threading.Event()
+    received: dict[int, FrameType | None] = {}
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+        # Python code would be interrupted by the next signal, and that by the next; setdefault is not.
+        signal.signal(number, received.setdefault)
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
@@ -49,7 +50,7 @@ def run(make: Callable[[], ManagedNode], args: Sequence[str] | None = None) -> i
         return REJECTED
     logging.getLogger("tactile_localizer").addHandler(_ToRos(node))
     try:
-        return _spin(node, ended)
+        return _spin(node, received)
     finally:
         # Ctrl-C reaches a launched node twice, from the terminal and from launch; the second would kill it.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -69,21 +70,21 @@ class _ToRos(logging.Handler):
         self._log.warning(record.getMessage())
 
 
-def _spin(node: ManagedNode, ended: threading.Event) -> int:
-    """Start a node and run its callbacks; returns the exit status."""
+def _spin(node: ManagedNode, received: Mapping[int, FrameType | None]) -> int:
+    """Start a node and run its callbacks until a signal is received; returns the exit status."""
     with SingleThreadedExecutor() as executor:
         executor.add_node(node)
         # A signal does not end a wait of the executor; Python handles it when the executor wakes up.
         node.create_timer(_WAKE_PERIOD_S, lambda: None)
         if node.parameters["autostart"]:
             started = executor.create_task(node.start)
-            while not (started.done() or ended.is_set()):
+            while not (started.done() or received):
                 executor.spin_once()
             if started.done() and not started.result():
                 return REJECTED
         # Exclude the existing objects from garbage collection, which would pause the node for 50 ms.
         gc.collect()
         gc.freeze()
-        while not ended.is_set():
+        while not received:
             executor.spin_once()
     return 0
