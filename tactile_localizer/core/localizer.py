@@ -20,19 +20,16 @@ from tactile_localizer.core.hypotheses.convergence import (
 )
 from tactile_localizer.core.hypotheses.explanations import RELOCATION_DISTANCE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
-from tactile_localizer.core.likelihood.drift import OUTLIER, Innovation, Trend
-from tactile_localizer.core.likelihood.gain import Gain
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.measurements import RECENT, Measurement, Measurements
+from tactile_localizer.core.measurements import Measurement, Measurements
+from tactile_localizer.core.sweep import Evidence, Sweep
 from tactile_localizer.core.weights import bayes
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
 
 _SCATTERED = 2.0
 """Standard deviations of the strain, in those of the scan, from which that is said. By judgement."""
-_CHANGED = 0.2
-"""Relative change of the noise of a channel from which strains are whitened anew."""
 
 
 class Estimate(NamedTuple):
@@ -75,27 +72,6 @@ class Estimate(NamedTuple):
     def converged(self) -> bool:
         """Whether the position has converged."""
         return self.state is State.CONVERGED
-
-
-class _Sweep(NamedTuple):
-    """What is known of the sweep, along the P trajectories of the states and the R of the anchors.
-
-    Parameters
-    ----------
-    model : for the noise of the sweep
-    trend : by which the sweep differs from the scan
-    gain : factor of its signal
-    scale : (F,) mean of its squared residuals, in those of the scan
-    explanations : probabilities of what explains the strain
-    strength_weights : (G, F) of the strengths of other material
-    """
-
-    model: SweepMixture
-    trend: Trend
-    gain: Gain
-    scale: np.ndarray
-    explanations: Explanations
-    strength_weights: np.ndarray
 
 
 class Localizer:
@@ -231,7 +207,7 @@ class Localizer:
     @property
     def explanations(self) -> Explanations:
         """Probabilities of what can explain the strain."""
-        return self._sweep.explanations
+        return self._explanations
 
     def update(
         self, stamp_ns: int, position: np.ndarray, strain: np.ndarray, present: np.ndarray | None = None
@@ -268,139 +244,83 @@ class Localizer:
         for part in (self._convergence, self._anchors, self.measurements):
             part.reset()
         anchors = len(self._anchors)
-        # The first prediction has no ancestors: all trajectories begin at the anchors.
-        self._sweep = _Sweep(
-            model=self.model,
-            trend=self.model.drift.start(1 + anchors),
-            gain=Gain.start(len(self.scene.phalanges), 1 + anchors, self.model.gain_variance),
-            scale=np.ones(len(self.scene.phalanges)),
-            explanations=Explanations.start(anchors),
-            strength_weights=self.model.other.start(),
-        )
+        self._sweep = Sweep.start(self.model, len(self.scene.phalanges), anchors)
+        self._explanations = Explanations.start(anchors)
         self._belief = None
         self._travel = 0.0
-        self._updates = 0
         self._log_likelihoods = np.full(2, np.nan)
         self._notes, self._consistent = "", self._all
 
     def measure(self, measurement: Measurement) -> Belief:
-        """The measurement update: predicted belief, likelihoods, posterior, explanations, decision.
+        """The measurement update: move, follow, weigh, explain, decide.
 
         Returns the belief, at the mean position of the strains.
-
-        Compared with the map is the mean strain since the last update, whitened, and of it the innovation,
-        which the trend of the sweep does not predict.
         """
-        mean_strain, displacement, travel, _, used, excess, outside = measurement
+        travel, used = measurement.travel, measurement.used
         update_travel = max(travel, self.measurements.update_distance)
         exponent = min(1.0, update_travel / self.information_length)
-        self._updates += 1
 
-        prediction, sweep = self._predict(displacement, travel)
-        model = self._with_noise(sweep.model, excess)
-        states = len(prediction.states)
+        prediction, explanations = self._move(measurement.displacement, travel)
         # An axis at a time: arrays with a short last axis take several times longer.
         places = np.concatenate([prediction.states.T, self._anchors.states.T], axis=1).T
-        nodes, map_strain = model.map_at(places)
-        innovation, trend = model.innovation(
-            sweep.trend, mean_strain, places, map_strain, prediction.weights, update_travel, exponent
+        sweep = self._sweep.whitened_by(self.model, measurement.excess)
+        evidence, self._sweep = sweep.evidence(
+            measurement.strain, used, places, prediction.weights, update_travel, exponent
         )
-        off_map, level_variance = model.off_map(innovation)
-        gain = sweep.gain.predicted(update_travel, model.gain_variance)
-        on_map = model.on_map(nodes, states, innovation, gain, sweep.scale, used)
-        at_states, at_anchors = on_map.states, on_map.anchors
-        other, strength_weights = model.other.update(
-            sweep.strength_weights, off_map, level_variance, used, update_travel, exponent
-        )
-        position = on_map.position
-        if self._position_model is not None:
-            map_trend = map_strain - innovation.of_map
-            position = self._position_likelihood(prediction, innovation, map_trend, mean_strain, used)
-
-        own = exponent
-        if self.position_length is not None:
-            own = min(1.0, update_travel / self.position_length)
-        belief = self.filter.update(own * position)
+        self._belief = belief = self._weigh(prediction, evidence, measurement, update_travel)
         tracked = belief.log_marginal
-        if position is not at_states:
-            tracked = bayes(prediction.weights, exponent * at_states)[1]
+        if self._position_model is not None or evidence.position is not evidence.states:
+            tracked = bayes(prediction.weights, exponent * evidence.states)[1]
         tracked /= exponent
         far = self._motion.travels(self._anchors.states - belief.mean) > RELOCATION_DISTANCE
-        explanations = sweep.explanations.update(
+        self._explanations = explanations.update(
             update_travel,
-            np.where(far, exponent * (at_anchors - tracked), -np.inf),
-            exponent * (other - tracked),
+            np.where(far, exponent * (evidence.anchors - tracked), -np.inf),
+            exponent * (evidence.other - tracked),
         )
-
-        gain = gain.updated(on_map.information, on_map.product, exponent)
-        share = max(min(1.0, update_travel / RECENT), 1.0 / self._updates)
-        # Weighted as a whole measurement: a belief that is still open also holds places that misfit.
-        fitting = bayes(prediction.weights, on_map.position)[0]
-        squared = np.minimum(on_map.squared @ fitting, OUTLIER)
-        scale = sweep.scale + share * (squared - sweep.scale)
-        self._sweep = _Sweep(model, trend, gain, scale, explanations, strength_weights)
-        self._belief = belief
-        self._log_likelihoods = np.array([tracked, other]) + float(used @ model.noise.log_volume)
+        self._log_likelihoods = np.array([tracked, evidence.other]) + float(
+            used @ sweep.model.noise.log_volume
+        )
         self._travel += travel
-        self._decide(prediction.states, self.filter.weights(), belief, travel, outside)
+        self._decide(prediction.states, belief, measurement)
         return belief
 
-    def _with_noise(self, model: SweepMixture, excess: np.ndarray) -> SweepMixture:
-        """The model for the noise of the sweep: that of before, or a new one where it changed by a fifth."""
-        changed = np.abs(excess - model.excess) > _CHANGED * (self.model.noise.variance + model.excess)
-        return self.model.with_noise(excess) if np.count_nonzero(changed) else model
-
-    def _predict(self, displacement: np.ndarray, travel: float) -> tuple[Prediction, _Sweep]:
-        """The predicted belief, and what is known of the sweep along its trajectories."""
-        sweep, anchors = self._sweep, self._anchors
-        lost = anchors.move(displacement)
+    def _move(self, displacement: np.ndarray, travel: float) -> tuple[Prediction, Explanations]:
+        """Belief and explanations after a motion; what is known of the sweep follows the states."""
+        lost, before = self._anchors.move(displacement), self._explanations
         # The first prediction has one trajectory, of all states.
-        weights = self.filter.weights() if self._updates > 1 else np.ones(1)
-        injected = sweep.explanations.injected
-        prediction = self.filter.predict(displacement, travel, injected)
-        explanations = sweep.explanations.predict(travel, prediction.left, lost)
-        before = sweep.trend.of_map.shape[1] - len(anchors)
-        own = len(prediction.ancestors) == before and prediction.ancestors == np.arange(before)
-        if not injected and np.all(own):
-            return prediction, sweep._replace(explanations=explanations)
-        # The trajectories of the anchors follow those of the states; a hand placed elsewhere was tracked.
-        ancestors = np.concatenate([prediction.ancestors, before + np.arange(len(anchors))])
-        trend, gain = sweep.trend.followed(ancestors), sweep.gain.followed(ancestors)
-        new = (prediction.continued < 1.0).nonzero()[0]
-        if len(new):
-            fraction = 1.0 - prediction.continued[new]
-            trend.mix(new, sweep.trend.averaged(weights), fraction)
-            gain.mix(new, sweep.gain.averaged(weights), fraction)
-        return prediction, sweep._replace(trend=trend, gain=gain, explanations=explanations)
+        weights = self.filter.weights() if self._sweep.strains else np.ones(1)
+        prediction = self.filter.predict(displacement, travel, before.injected)
+        self._sweep = self._sweep.followed(prediction, weights)
+        return prediction, before.predict(travel, prediction.left, lost)
 
-    def _position_likelihood(
-        self,
-        prediction: Prediction,
-        innovation: Innovation,
-        map_trend: np.ndarray,
-        mean_strain: np.ndarray,
-        used: np.ndarray,
-    ) -> np.ndarray:
-        """Log-likelihoods (P,) by the model for the position, of the strain without the sweep's level."""
-        assert self._position_model is not None
-        trend = prediction.weights @ map_trend[: len(prediction.states)]
-        level_out = self.model.in_volts(mean_strain, innovation.of_strain + innovation.turned + trend)
-        strain = level_out if self.model.material is Material.SHEET else mean_strain
-        return self._position_model.log_likelihood(prediction.states, strain, used)
+    def _weigh(
+        self, prediction: Prediction, evidence: Evidence, measurement: Measurement, travel: float
+    ) -> Belief:
+        """The belief after a strain, by the model for the position if there is one."""
+        model, length = self._position_model, self.information_length
+        position = evidence.position
+        if model is not None:
+            strain, length = measurement.strain, self.position_length or length
+            if self.model.material is Material.SHEET:
+                innovation, states = evidence.innovation, len(prediction.states)
+                trend = prediction.weights @ (evidence.map_strain - innovation.of_map)[:states]
+                strain = self.model.in_volts(strain, innovation.of_strain + innovation.turned + trend)
+            position = model.log_likelihood(prediction.states, strain, measurement.used)
+        return self.filter.update(min(1.0, travel / length) * position)
 
-    def _decide(
-        self, states: np.ndarray, weights: np.ndarray, belief: Belief, travel: float, outside: float
-    ) -> None:
+    def _decide(self, states: np.ndarray, belief: Belief, measurement: Measurement) -> None:
         """Whether the position has converged.
 
-        A fraction ``outside`` of the recent strains is out of the scan's range, which says nothing where the
-        level of a sweep wanders.
+        That strains are out of the scan's range says nothing where the level of a sweep wanders.
         """
-        explanations, contradiction = self._sweep.explanations, ""
+        explanations, outside, contradiction = self._explanations, measurement.outside, ""
         if outside > 0.5 and self.model.material is Material.SHEET:
             contradiction = f"{outside:.0%} of the strains are outside the range of the scan"
-        near = self.probability_near(belief.mean, states, weights)
-        self._convergence.update(near, explanations.tracked, explanations.other, travel, contradiction)
+        near = self.probability_near(belief.mean, states, self.filter.weights())
+        self._convergence.update(
+            near, explanations.tracked, explanations.other, measurement.travel, contradiction
+        )
         self._notes, self._consistent = self._scatter() + self._stuck_gauges(), self._all
         if np.count_nonzero(self.measurements.stuck):
             self._consistent = ~self.scene.layout.any(self.measurements.stuck)
@@ -451,7 +371,7 @@ class Localizer:
             state=convergence.state,
             reason=self._reason(self._travel + travel) + self._notes,
             probability=convergence.probability,
-            on_map=self._sweep.explanations.on_map,
+            on_map=self._explanations.on_map,
             log_marginal=log_marginal,
             log_other=log_other,
             consistent=self._consistent,

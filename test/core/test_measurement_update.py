@@ -260,7 +260,7 @@ def test_the_filter_takes_in_the_belief_of_a_relocated_hand_only_where_that_is_t
     move(of)
     assert of.filter.predicted[-1][2] == 0.0
     weights = np.full(len(of._anchors), 1.0 / len(of._anchors))
-    of._sweep = of._sweep._replace(explanations=Explanations(0.1, 0.6, 0.3, weights))
+    of._explanations = Explanations(0.1, 0.6, 0.3, weights)
     move(of)
     assert of.filter.predicted[-1][2] == pytest.approx(0.6 / 0.7)
     move(of)
@@ -271,7 +271,7 @@ def test_after_an_injection_trajectories_are_mixed_even_where_no_ancestor_change
     of = localizer()
     move(of)
     weights = np.full(len(of._anchors), 1.0 / len(of._anchors))
-    of._sweep = of._sweep._replace(explanations=Explanations(0.1, 0.6, 0.3, weights))
+    of._explanations = Explanations(0.1, 0.6, 0.3, weights)
     of.filter.continued = np.array([1.0, 1.0, 0.0])
     before = of.model.given("innovation")[0].of_map[0, :3, 0]
     move(of)
