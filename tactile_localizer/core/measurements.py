@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core.geometry.motion import MotionModel
+from tactile_localizer.core.likelihood.gain import RECENT
 from tactile_localizer.core.likelihood.white_noise import SweepNoise, WhiteNoise
 from tactile_localizer.core.plausibility import StampUnit, StuckGauges
 from tactile_localizer.core.scan.range import ScanRange
@@ -19,8 +20,6 @@ _ROUNDING = 1e-6
 origin of the arm's frame decides which of them lead to an update."""
 _SILENT = 1e9
 """Noise of a channel that does not count, in variances of a visit."""
-RECENT = 0.02
-"""m of travel over which recent strains are counted: longer than a feature. By judgement."""
 
 
 class Measurement(NamedTuple):

@@ -8,9 +8,8 @@ import numpy as np
 
 from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.likelihood.drift import OUTLIER, Innovation, Trend
-from tactile_localizer.core.likelihood.gain import Gain
+from tactile_localizer.core.likelihood.gain import RECENT, Gain
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
-from tactile_localizer.core.measurements import RECENT
 from tactile_localizer.core.weights import bayes
 
 _CHANGED = 0.2

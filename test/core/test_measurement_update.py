@@ -19,11 +19,11 @@ from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.hypotheses.explanations import Explanations
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
-from tactile_localizer.core.likelihood.gain import Gain
+from tactile_localizer.core.likelihood.gain import RECENT, Gain
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.sweep_mixture import OnMap
 from tactile_localizer.core.localizer import Localizer
-from tactile_localizer.core.measurements import RECENT, Measurements
+from tactile_localizer.core.measurements import Measurements
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.weights import bayes
 from tactile_localizer.scene import Axis, Phalanx, Scene

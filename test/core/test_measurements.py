@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from support.models import noise_model
 
-from tactile_localizer.core.measurements import RECENT, UPDATE_PERIOD_NS, Measurement, Measurements
+from tactile_localizer.core.likelihood.gain import RECENT
+from tactile_localizer.core.measurements import UPDATE_PERIOD_NS, Measurement, Measurements
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Axis, Phalanx, Scene

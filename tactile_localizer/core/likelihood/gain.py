@@ -10,8 +10,9 @@ import numpy as np
 LEAST_VARIANCE = 0.03
 """Least variance of the gain: another session, with another force, differs more than the sweeps of a scan. By
 judgement."""
-_MEMORY = 0.02
-"""m of travel over which a force that differs changes. By judgement."""
+RECENT = 0.02
+"""m of travel over which the force of a sweep changes, and over which it is judged how its strain differs
+from that of the scan: longer than a feature. By judgement."""
 
 
 class Gain(NamedTuple):
@@ -49,7 +50,7 @@ class Gain(NamedTuple):
 
     def predicted(self, travel: float, prior: float) -> Gain:
         """The gain after ``travel`` metres, over which it returns to the ``prior`` variance about one."""
-        kept = math.exp(-travel / _MEMORY)
+        kept = math.exp(-travel / RECENT)
         mean, variance = 1.0 + kept * (self.mean - 1.0), prior + kept**2 * (self.variance - prior)
         return Gain(mean, variance)
 
