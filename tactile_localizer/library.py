@@ -9,9 +9,8 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.io.csv.columns import ColumnNaming
-from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import Recording, is_bag, is_scan
+from tactile_localizer.io.readers import reader_of
+from tactile_localizer.io.recording import Recording
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import learned_calibration
 from tactile_localizer.quantity import whole_number
@@ -65,33 +64,23 @@ def make_localizer(
     return build_localizer(scan, scene, configuration or Configuration(), rng, calibration=calibration)
 
 
-def read_recording(
-    path: str | Path,
-    scene: Scene,
-    *,
-    naming: ColumnNaming | None = None,
-    **bag_options: Any,
-) -> Recording:
-    """The sweeps of a bag, a scan, or a CSV file.
+def read_recording(path: str | Path, scene: Scene, **options: Any) -> Recording:
+    """The sweeps of a recording of the kind that its suffix says.
 
     Parameters
     ----------
-    path : CSV file, folder of a scan, or file or folder of a bag
+    path : CSV file, folder of a scan, file or folder of a bag, CAN log, or what another package reads
+        (:mod:`~tactile_localizer.io.readers`)
     scene : scene whose axes and phalanges are read
-    naming : columns of a CSV file with other than the standard names
-    bag_options : arguments of :func:`~tactile_localizer.io.bags.recording.read_bag`
+    options : arguments of the reader: ``naming`` of a CSV file with other than the standard names of columns,
+        those of :func:`~tactile_localizer.io.csv.recording.read_csv` and
+        :func:`~tactile_localizer.io.bags.recording.read_bag`; ``dbc`` and ``poses`` of a CAN log
 
     Raises
     ------
     ScanError
-        The recording cannot be read.
+        The recording cannot be read, or no reader has its suffix.
     SceneError
         The recording lacks an axis or a phalanx of the scene.
     """
-    if is_bag(Path(path)):
-        from tactile_localizer.io.bags.recording import read_bag  # takes a while to import
-
-        return read_bag(path, scene, by_status=False, **bag_options)
-    if is_scan(Path(path)):
-        return ScanFolder(path).recording(scene)
-    return read_csv(path, scene, naming)
+    return reader_of(path).read(path, scene, **options)

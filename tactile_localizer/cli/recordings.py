@@ -4,7 +4,7 @@ import argparse
 import importlib
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.cli.outputs import InputPath
-from tactile_localizer.errors import ParameterError, ScanError
+from tactile_localizer.errors import CanError, ParameterError, ScanError
 from tactile_localizer.io.bags.sweeps import TOPICS
 from tactile_localizer.io.csv.columns import ColumnNaming, load_naming, naming_from_dict, naming_from_pairs
-from tactile_localizer.io.csv.recording import read_csv
-from tactile_localizer.io.recording import Recording, delay_of, gap_notes, is_bag, is_scan, undelayed
+from tactile_localizer.io.readers import reader_of
+from tactile_localizer.io.recording import Recording, delay_of, gap_notes, undelayed
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.strain_adapter import load_adapter
-from tactile_localizer.library import read_recording
+from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.offline.odometry import EXACT, RECORDED, SIMULATED, with_odometry
 from tactile_localizer.offline.recordings import Read
 from tactile_localizer.offline.scan_quality import strain_findings
@@ -50,7 +50,7 @@ def scene_from_arguments(args: argparse.Namespace) -> Scene:
     return scene
 
 
-def add_csv_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_csv_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options for CSV files: column names, separate poses."""
     add = parser.add_argument_group("CSV files").add_argument
     text = "column naming, if columns do not have the standard names"
@@ -61,7 +61,7 @@ def add_csv_arguments(parser: argparse.ArgumentParser) -> None:
     add("--poses", type=InputPath, action="append", default=[], metavar="FILE", help=text)
 
 
-def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
+def _add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options for bags: topics, frames, adapter."""
     add = parser.add_argument_group("bags").add_argument
     for name, (topic, text) in TOPICS.items():
@@ -81,6 +81,17 @@ def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
     add("--material-pose", type=float, nargs=6, default=[0.0] * 6, metavar=names, help=text)
 
 
+def _add_can_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options for CAN logs: layout, channel."""
+    add = parser.add_argument_group("CAN logs").add_argument
+    text = "CAN database (DBC): a file, or the name of a shipped one"
+    add("--dbc", type=InputPath, metavar="FILE", help=text)
+    text = "parameters of the driver node, if messages or signals do not have the default names"
+    add("--params-file", type=InputPath, metavar="YAML", help=text)
+    text = "channel in a log of several, as the file names or numbers it: can0, 1"
+    add("--channel", default="", metavar="NAME", help=text)
+
+
 def add_gap_argument(parser: argparse.ArgumentParser) -> None:
     """Declare ``--max-gap``."""
     text = f"longest gap between poses that is interpolated, s (default: {DEFAULT_MAX_GAP_S:g})"
@@ -93,18 +104,76 @@ def add_delay_argument(parser: argparse.ArgumentParser, default: str) -> None:
     parser.add_argument("--delay", type=_delay, metavar="S", help=text)
 
 
-def bag_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
-    """Arguments of :func:`read_bag` from the options of ``add_bag_arguments``."""
+def options_of(args: argparse.Namespace, scene: Scene, kinds: Sequence[str]) -> list[dict[str, Any]]:
+    """Options of the reader of each recording, from the command line and how ``--scan`` was imported.
+
+    Raises
+    ------
+    ScanError
+        There are as many files of poses as neither one nor all, or a CAN log has none.
+    """
+    options = [_OPTIONS[kind](args, scene) if kind in _OPTIONS else {} for kind in kinds]
+    beside, poses = [each for each in options if "poses" in each], vars(args).get("poses", [])
+    if beside and len(poses) not in (0, 1, len(beside)):
+        count = len(beside)
+        raise ScanError(f"poses: expected 1 or {count} files beside {count}, got {len(poses)}")
+    for each, one in zip(beside, poses if len(poses) > 1 else (), strict=False):
+        each["poses"] = [one]
+    return options
+
+
+def _bag_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     topics = {name: getattr(args, f"{name}_topic") for name in TOPICS}
     frame = PalmFrame(scene.axes, args.material_frame, args.reference_frame, args.material_pose)
     adapter = load_adapter(given_or_shipped(args.adapter, "config/adapters")) if args.adapter else None
+    if adapter is not None:
+        adapter = adapter.expect(_imported(args, "bag", "names"))
     options = {"topics": topics, "frame": frame, "palm_frame": args.palm_frame, "max_gap_s": args.max_gap}
-    return {**options, "adapter": adapter, "definitions": args.definitions}
+    options |= {"adapter": adapter, "definitions": args.definitions}
+    return {**options, "by_status": "scan" not in args}  # an import wants the sweeps that were scanned
 
 
-def naming_from_arguments(
-    args: argparse.Namespace, imported: Mapping[str, Any] | None = None
-) -> ColumnNaming:
+def _csv_options(args: argparse.Namespace, scene: Scene, kind: str = "csv") -> dict[str, Any]:
+    naming = naming_from_arguments(args, _imported(args, kind, "columns"))
+    return {"naming": naming, "poses": args.poses, "max_gap_s": args.max_gap}
+
+
+def _can_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
+    for name, what in (("dbc", "the layout of the frames"), ("poses", "the palm positions beside the log")):
+        if not getattr(args, name):
+            raise ScanError(f"CAN log: expected --{name} FILE with {what}")
+    parameters = load_yaml(args.params_file, "a parameter file", CanError, _flat) if args.params_file else {}
+    options = {"dbc": args.dbc, "parameters": parameters, "channel": args.channel}
+    return {**options, **_csv_options(args, scene, "can")}
+
+
+_OPTIONS = {"bag": _bag_options, "can": _can_options, "csv": _csv_options}
+_DECLARED = {
+    "bag": (_add_bag_arguments,),
+    "can": (_add_can_arguments, _add_csv_arguments),
+    "csv": (_add_csv_arguments,),
+}
+"""Options of the readers that have some, and what declares them, by kind."""
+
+
+def add_reader_arguments(parser: argparse.ArgumentParser, *kinds: str) -> None:
+    """Declare the options of the readers of some kinds."""
+    for declare in dict.fromkeys(declare for kind in kinds for declare in _DECLARED.get(kind, ())):
+        declare(parser)
+
+
+def _flat(content: Any, prefix: str = "") -> dict[str, Any]:
+    """Parameters in a file of ROS by their names, with dots between group and member."""
+    found: dict[str, Any] = {}
+    for name, value in mapping(content, "parameters").items():
+        if isinstance(value, dict):
+            found |= _flat(value, "" if "ros__parameters" in (name, *value) else f"{prefix}{name}.")
+        else:
+            found[f"{prefix}{name}"] = value
+    return found
+
+
+def naming_from_arguments(args: argparse.Namespace, imported: Mapping[str, Any]) -> ColumnNaming:
     """The column naming of ``--columns`` and ``--column``.
 
     Parameters
@@ -112,10 +181,17 @@ def naming_from_arguments(
     args : the command line
     imported : naming that the scan was imported with, in its YAML form; replaced by ``--columns``
     """
-    base = naming_from_dict(imported or {})
+    base = naming_from_dict(imported)
     if args.columns:
         base = load_naming(given_or_shipped(args.columns, "config/import"))
     return naming_from_pairs(args.column, base)
+
+
+def _imported(args: argparse.Namespace, kind: str, detail: str) -> Mapping[str, Any]:
+    """A detail of the last import of a kind into the scan of ``--scan``; empty without one."""
+    history = ScanFolder(args.scan).history() if "scan" in args else []
+    found = [entry.get(detail) for entry in history if entry["what"] == f"import {kind}"]
+    return found[-1] if found and isinstance(found[-1], Mapping) else {}
 
 
 def _seconds(text: str) -> float:
@@ -134,7 +210,7 @@ def _delay(text: str) -> float:
 
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the recordings and the options to read them."""
-    text = "CSV file, scan or bag"
+    text = "CSV file, scan, bag, CAN log, or what a reader of another package reads"
     parser.add_argument("recordings", type=InputPath, nargs="+", metavar="RECORDING", help=text)
     parser.add_argument(
         "--odometry",
@@ -142,8 +218,7 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
         default=SIMULATED,
         help="odometry made of true positions: with simulated motion noise (default), or exact",
     )
-    add_csv_arguments(parser)
-    add_bag_arguments(parser)
+    add_reader_arguments(parser, "csv", "bag", "can")
     add_gap_argument(parser)
     add_delay_argument(parser, "that which the import of the scan corrected")
 
@@ -176,21 +251,18 @@ def readers_from_arguments(args: argparse.Namespace, scene: Scene) -> list[Read]
     Raises
     ------
     ScanError
-        There is no such recording, only some of them are bags, or there are as many files of poses as neither
-        one nor all.
+        There is no such recording or no reader of it, only some of them are bags, or as :func:`options_of`.
     """
-    bags = [is_bag(Path(path)) for path in args.recordings]
-    if any(bags) and not all(bags):
-        raise ScanError(f"{args.recordings[bags.index(False)]}: expected only bags beside a bag")
-    tables = [path for path in args.recordings if not is_bag(Path(path)) and not is_scan(Path(path))]
-    if tables and len(args.poses) not in (0, 1, len(tables)):
-        count = len(tables)
-        raise ScanError(f"poses: expected 1 or {count} files beside {count}, got {len(args.poses)}")
+    kinds = [reader_of(path).kind for path in args.recordings]
+    if "bag" in kinds and len({*kinds}) > 1:
+        other = next(path for path, kind in zip(args.recordings, kinds, strict=True) if kind != "bag")
+        raise ScanError(f"{other}: expected only bags beside a bag")
     if args.cluster is not None:  # workers have other working directories
         for name, given in vars(args).items():
             setattr(args, name, [*map(_absolute, given)] if isinstance(given, list) else _absolute(given))
     reads: list[Read] = [
-        partial(_read_odometry, args, scene, number) for number in range(len(args.recordings))
+        partial(_read_odometry, args, scene, number, options)
+        for number, options in enumerate(options_of(args, scene, kinds))
     ]
     for path, read in zip(args.recordings, reads, strict=True):
         if not os.path.lexists(path):
@@ -201,23 +273,6 @@ def readers_from_arguments(args: argparse.Namespace, scene: Scene) -> list[Read]
 def _absolute(given: Any) -> Any:
     is_there = isinstance(given, InputPath) and os.path.lexists(given)
     return InputPath(str(Path(given).absolute())) if is_there else given
-
-
-def _read_recording(args: argparse.Namespace, scene: Scene, number: int) -> tuple[Recording, bool]:
-    """A recording by its place, and whether its positions are true where it has no other truth."""
-    path = args.recordings[number]
-    if is_bag(Path(path)):
-        options = bag_options(args, scene)
-        if options["adapter"] is not None:
-            options["adapter"] = options["adapter"].expect(_imported(args.scan, "import bag", "names"))
-        return _noted(_undelayed(args, scene, read_recording(path, scene, **options)), scene), False
-    if is_scan(Path(path)):
-        return read_recording(path, scene), True
-    before = sum(not is_scan(Path(other)) for other in args.recordings[:number])
-    poses = args.poses[before : before + 1] if len(args.poses) > 1 else args.poses
-    naming = naming_from_arguments(args, imported_columns(args.scan))
-    table = read_csv(path, scene, naming, poses=poses, max_gap_s=args.max_gap)
-    return _noted(_undelayed(args, scene, table), scene), True
 
 
 def _noted(recording: Recording, scene: Scene) -> Recording:
@@ -239,18 +294,9 @@ def _undelayed(args: argparse.Namespace, scene: Scene, recording: Recording) -> 
     return replace(without, notes=(*without.notes, note))
 
 
-def imported_columns(scan: str) -> Mapping[str, Any]:
-    """Column naming that a scan was imported with, in its YAML form; empty if it was not."""
-    return _imported(scan, "import csv", "columns")
-
-
-def _imported(scan: str, what: str, detail: str) -> Mapping[str, Any]:
-    """A detail of the last import of a kind into a scan; empty without one."""
-    found = [entry.get(detail) for entry in ScanFolder(scan).history() if entry["what"] == what]
-    return found[-1] if found and isinstance(found[-1], Mapping) else {}
-
-
-def _read_odometry(args: argparse.Namespace, scene: Scene, number: int) -> tuple[Recording, str]:
+def _read_odometry(
+    args: argparse.Namespace, scene: Scene, number: int, options: Mapping[str, Any]
+) -> tuple[Recording, str]:
     """A recording, whose positions are odometry, and the kind of the odometry.
 
     Raises
@@ -258,12 +304,15 @@ def _read_odometry(args: argparse.Namespace, scene: Scene, number: int) -> tuple
     ScanError
         It cannot be read.
     """
-    recording, true_positions = _read_recording(args, scene, number)
+    reader = reader_of(args.recordings[number])
+    recording = reader.read(args.recordings[number], scene, **options)
+    if reader.kind != "scan":  # which was imported so
+        recording = _noted(_undelayed(args, scene, recording), scene)
     with_truth = [sweep for sweep in recording.sweeps if sweep.truth is not None]
-    if true_positions and 0 < len(with_truth) < len(recording.sweeps):
-        raise ScanError(f"{recording.source}: expected true positions beside the arm's in all or in none")
-    if with_truth or not true_positions:
+    if reader.kind == "bag" or (with_truth and len(with_truth) == len(recording.sweeps)):
         return recording, RECORDED
+    if with_truth:
+        raise ScanError(f"{recording.source}: expected true positions beside the arm's in all or in none")
     # The noise must not use the random stream of the localizer, which is that of the filter node.
     noise = np.random.default_rng([args.seed, 1, number] if number else [args.seed, 1])
     return with_odometry(recording, scene, noise, args.odometry), args.odometry

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scan_arguments(parser)
     text = f"preset ({', '.join(PRESETS)}) or YAML file; the other options override it"
     parser.add_argument("--config", type=InputPath, metavar="PRESET", help=text)
-    text = f"{SWEEP_MIXTURE} (default), or module:Class, such as tactile_localizer.paper:SumOfGaussians"
+    text = f"{SWEEP_MIXTURE} (default), module:Class (tactile_localizer.paper:Gaussian), or one installed"
     parser.add_argument("--model", metavar="MODEL", help=text)
     parser.add_argument("--filter", choices=FILTERS, help="Bayes filter (default: grid, which is exact)")
     add_seed_argument(parser)

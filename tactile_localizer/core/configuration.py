@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tactile_localizer.core.likelihood.user_defined import SEPARATOR
+from tactile_localizer.core.likelihood.user_defined import class_of
 from tactile_localizer.errors import ParameterError, did_you_mean
 from tactile_localizer.quantity import is_number, number, whole_number
 
@@ -36,8 +36,9 @@ class Configuration:
 
     Parameters
     ----------
-    model : :data:`SWEEP_MIXTURE`, or another measurement model for the position as ``module:Class``
-        (:mod:`.user_defined`), such as the paper's in :mod:`tactile_localizer.paper`
+    model : :data:`SWEEP_MIXTURE`, or another measurement model for the position (:mod:`.user_defined`): as
+        ``module:Class``, such as the paper's in :mod:`tactile_localizer.paper`, or by the name that an
+        installed package gives it
     filter : one of :data:`FILTERS`; ``grid`` is exact but for the size of its cells
     particles : number of particles; 75 in the paper
     cell : size of the grid's cells in line spacings of the scan; on one axis cells are 0.5 mm, on three so
@@ -71,8 +72,8 @@ class Configuration:
     convergence_travel: float = 0.001
 
     def __post_init__(self) -> None:
-        if self.model != SWEEP_MIXTURE and SEPARATOR not in self.model:
-            raise ParameterError(f"model {self.model!r}: expected {SWEEP_MIXTURE} or module:Class")
+        if self.model != SWEEP_MIXTURE:
+            class_of(self.model, SWEEP_MIXTURE)  # raises
         if self.filter not in FILTERS:
             raise ParameterError(f"filter {self.filter!r}: expected one of {', '.join(FILTERS)}")
         for name, (lower, upper) in RANGES.items():

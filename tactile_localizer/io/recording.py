@@ -389,9 +389,3 @@ SCENE_OF_SCAN = "scene.yaml"
 def is_scan(path: Path) -> bool:
     """Whether a path is a scan: a folder with a scene."""
     return os.path.isfile(path / SCENE_OF_SCAN)  # noqa: PTH113  false without permission, too
-
-
-def is_bag(path: Path) -> bool:
-    """Whether a path is a bag: a folder that is not a scan, or a file with an extension of any bags."""
-    is_folder = os.path.isdir(path)  # noqa: PTH112  false where the name is too long, too
-    return path.name.endswith((*BAG_EXTENSIONS, ".bag")) or (is_folder and not is_scan(path))

@@ -8,7 +8,7 @@ _DEFAULTS = Configuration()
 
 
 _DESCRIPTIONS = {
-    "model": f"Measurement model: {SWEEP_MIXTURE}, or another one for the position as module:Class",
+    "model": f"Measurement model: {SWEEP_MIXTURE}, or another one for the position: module:Class, or a name",
     "filter": "Particle filter, or exact recursion on a grid",
     "particles": "Number of particles, 75 in the paper; for filter particle",
     "cell": "Resolution of map and grid, in distances between sweeps, unless the scene has one axis (0.5 mm) "

@@ -1,6 +1,7 @@
 """The command `import`."""
 
 import csv
+import json
 import math
 import re
 import time
@@ -18,6 +19,7 @@ from tactile_localizer.cli import main, progress
 from tactile_localizer.io.can.protocol import LoadCellProtocol
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import load_scene, save_scene
+from tactile_localizer.library import read_recording
 from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -107,6 +109,19 @@ def test_a_can_log_is_imported_with_poses_of_a_file(folder, run):
     np.testing.assert_allclose(sweep.strain, noise[-len(sweep) :], atol=0.0002)
     np.testing.assert_allclose(sweep.position[:, 0], 1e-4 * np.arange(500)[-len(sweep) :], atol=1e-6)
     assert ScanFolder("a_scan").history()[0]["what"] == "import can"
+
+
+def test_a_can_log_is_replayed_on_the_scan_of_one(folder, run, capsys):
+    noise = write_can_log(folder / "sweep.log", "loadcells.dbc")
+    assert run("can sweep.log --dbc loadcells.dbc --poses poses.csv --scene line.yaml -o a_scan")[0] == 0
+    replay = ["replay", "sweep.log", "--scan", "a_scan", "--config", "fast", "--json", "out.json"]
+    assert main([*replay, "--dbc", "loadcells.dbc", "--poses", "poses.csv"]) < 2
+    assert len(json.loads(Path("out.json").read_text())["updates"]) >= 498
+    (sweep,) = read_recording("sweep.log", LINE, dbc="loadcells.dbc", poses=["poses.csv"]).sweeps
+    np.testing.assert_allclose(sweep.strain, noise[-len(sweep) :], atol=0.0002)
+    capsys.readouterr()
+    assert main(replay) == 2
+    assert capsys.readouterr().err.startswith("error: CAN log: expected --dbc FILE with the layout")
 
 
 @pytest.mark.parametrize(

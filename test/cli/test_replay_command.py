@@ -206,7 +206,7 @@ def test_a_csv_with_true_positions_beside_the_arms_has_odometry(bump_folder: Pat
     [
         (f"{'x' * 300} --scan bump_scan", "expected a CSV file, File name too long"),
         ("test.csv --scan bump_scan --config none.yaml", "none.yaml: expected a configuration file"),
-        ("scene.yaml --scan bump_scan", "scene.yaml: expected a column for stamp_s"),
+        ("scene.yaml --scan bump_scan", "scene.yaml: expected a folder, or a file of .asc, "),
         ("empty.mcap test.csv --scan bump_scan", "test.csv: expected only bags beside a bag"),
     ],
 )

@@ -1,15 +1,18 @@
-"""Measurement models outside of the core, named ``module:Class``: the paper's, or a user's."""
+"""Measurement models outside of the core: the paper's, or a user's.
+
+They are named ``module:Class``, or as an installed package names them: by an entry point of :data:`GROUP`.
+"""
 
 import importlib
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
 
 from tactile_localizer.core.likelihood.base import MeasurementModel
 from tactile_localizer.core.scan.scan import Scan
-from tactile_localizer.errors import ParameterError, TactileLocalizerError, located
+from tactile_localizer.errors import ParameterError, did_you_mean, listed
+from tactile_localizer.plugins import installed, named_faults, only
 from tactile_localizer.quantity import number
 from tactile_localizer.scene import Scene
 
@@ -17,12 +20,39 @@ SEPARATOR = ":"
 """Separates module and class in the name of a model."""
 
 
-class NamedModel:
-    """A measurement model named ``module:Class``, each of whose faults is an error that names it.
+GROUP = "tactile_localizer.models"
+"""Group of the entry points; the name of one is that of a model."""
+
+
+def class_of(name: str, *others: str) -> str:
+    """The ``module:Class`` of a model that is named so, or by an installed package.
 
     Parameters
     ----------
-    name : ``module:Class``, importable from Python's path
+    name : of the model
+    others : names that are allowed beside these, for the message
+
+    Raises
+    ------
+    ParameterError
+        There is no such model, or several packages have one.
+    """
+    if SEPARATOR in name:
+        return name
+    models = installed(GROUP)
+    if name not in models:
+        known = [*others, *sorted(models)]
+        expected = f"{listed(known)} or module:Class{did_you_mean(name, known)}"
+        raise ParameterError(f"model {name!r}: expected {expected}")
+    return only(models[name], ParameterError)[0].value
+
+
+class NamedModel:
+    """A measurement model, each of whose faults is an error that names it.
+
+    Parameters
+    ----------
+    name : ``module:Class``, importable from Python's path, or the name of one in an installed package
     scan, scene : arguments of the class, in this order
 
     Attributes
@@ -37,7 +67,7 @@ class NamedModel:
 
     def __init__(self, name: str, scan: Scan, scene: Scene) -> None:
         self.name = name
-        module_name, _, class_name = name.partition(SEPARATOR)
+        module_name, _, class_name = class_of(name).partition(SEPARATOR)
         with self._named("a module on Python's path (PYTHONPATH)"):
             module = importlib.import_module(module_name)
         made: Any = getattr(module, class_name, None)
@@ -84,15 +114,9 @@ class NamedModel:
             raise self._error("finite log-likelihoods", "got NaN or infinity")
         return found
 
-    @contextmanager
-    def _named(self, expected: str) -> Iterator[None]:
+    def _named(self, expected: str) -> AbstractContextManager[None]:
         """Context in which a failure of the model becomes an error that says where it is."""
-        try:
-            yield
-        except TactileLocalizerError:
-            raise
-        except (Exception, SystemExit) as error:  # of code that is not ours
-            raise self._error(expected, located(error)) from None
+        return named_faults(f"model {self.name!r}", expected, ParameterError)
 
     def _error(self, expected: str, found: str) -> ParameterError:
         return ParameterError(f"model {self.name!r}: expected {expected}, {found}")

@@ -18,7 +18,7 @@ from support.bags import MS, SCENE, START, STORE, TYPES, file_of, pose, slide, s
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.bags.reader import typestore
 from tactile_localizer.io.bags.recording import read_bag
-from tactile_localizer.io.recording import is_bag
+from tactile_localizer.io.readers import reader_of
 from tactile_localizer.io.strain_adapter import adapter_from_dict
 from tactile_localizer.library import read_recording
 from tactile_localizer.scene import Axis, Phalanx, Scene
@@ -145,7 +145,7 @@ def test_a_part_that_is_missing_or_not_named_is_noted(tmp_path, name):
 def test_a_compressed_file_is_read_without_its_metadata(tmp_path, storage):
     file = file_of(write_bag(tmp_path / "bag", slide(0, 1000), storage, "file"))
     assert file.suffix == ".zstd"
-    assert is_bag(file)
+    assert reader_of(file).kind == "bag"
     assert_whole(file)
     (tmp_path / "bag" / "metadata.yaml").unlink()
     assert_whole(tmp_path / "bag")
