@@ -93,7 +93,7 @@ def test_the_constants_of_streams_are_on_the_page_of_constants() -> None:
             for line in re.findall(r"^([A-Z_, ]+) = [^\n]*\d", module.read_text(), re.MULTILINE)
             for name in line.split(", ")
         ]
-        for name in sorted({*names} - {"NANOSECONDS", "LATE", "STRAIN", "POSES", "_ALWAYS"}):
+        for name in sorted({*names} - {"NANOSECONDS", "LATE", "STRAIN", "POSES", "NO_SWEEP", "_ALWAYS"}):
             own = [row for row in rows if f"`{name}`" in row and f"`{module.stem}`" in row]
             assert own, f"{name} of {module.stem}: expected it in docs/constants.md, found none"
 

@@ -22,10 +22,9 @@ from tactile_localizer.io.recording import (
     BAG_EXTENSIONS,
     RecordedSweep,
     Recording,
-    cut,
+    cut_rows,
     is_scan,
     numbered_apart,
-    stamp_notes,
 )
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.status import missing_status
@@ -156,9 +155,10 @@ def _of_other(
         for sweep in recording.sweeps:
             samples = _fitting(what, sweep, scene)
             run, known = runs_of(samples.stamp_ns), np.isfinite(samples.position).all(axis=1)
-            found, outside = cut(samples, run, np.full(len(run), sweep.number), known, detector)
+            number, what_rows = np.full(len(run), sweep.number), f"samples of sweep {sweep.number}"
+            found, of_rows = cut_rows(what_rows, samples, run, number, known, detector)
             sweeps += found
-            notes += [*outside, *stamp_notes(run, f"samples of sweep {sweep.number}")]
+            notes += of_rows
         return replace(recording, sweeps=tuple(numbered_apart(sweeps)), notes=tuple(notes))
 
 

@@ -17,22 +17,16 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError, counted
 from tactile_localizer.io.status import FAULT, MISSING, OK, SATURATED
 from tactile_localizer.scene import LARGEST_STRAIN, Axis, Scene
+from tactile_localizer.streams.arrivals import Seen
 from tactile_localizer.streams.delay import Delay, Track, estimate_delay
-from tactile_localizer.streams.palm_motion import describe_motion
-from tactile_localizer.streams.runs import LATE, NANOSECONDS, runs_of
-from tactile_localizer.streams.sweep_detector import SweepDetector
-from tactile_localizer.streams.synchronization import (
-    DEFAULT_MAX_GAP_S,
-    clock_difference_s,
-    describe_gaps,
-    interpolate_poses,
-)
+from tactile_localizer.streams.findings import findings
+from tactile_localizer.streams.runs import LATE, NANOSECONDS
+from tactile_localizer.streams.sweep_detector import NO_SWEEP, SweepDetector
+from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S, interpolate_poses
 
 _Sweep = TypeVar("_Sweep", bound=Any)
 
 NO_CONTACT = (-1, -1)
-NO_SWEEP = -1
-"""In place of the number of a sweep."""
 ENDED = "ended"
 ENDED_EARLY = "ended early"
 """Ending of a sweep whose recording was interrupted."""
@@ -156,38 +150,62 @@ def numbered_apart(sweeps: Iterable[_Sweep]) -> list[_Sweep]:
 
 
 def cut(
+    samples: RecordedSweep, run: np.ndarray, number: np.ndarray, has_position: np.ndarray
+) -> list[RecordedSweep]:
+    """The sweeps of samples, each within a run; its samples without a position are gaps.
+
+    Parameters
+    ----------
+    samples : n samples in the order of arrival or of the rows of a file
+    run : (n,) int, their run, or :data:`LATE`
+    number : (n,) int, their sweep, or :data:`NO_SWEEP`
+    has_position : (n,) bool
+    """
+    rows = np.flatnonzero(run != LATE)
+    ends = np.flatnonzero((np.diff(run[rows]) != 0) | (np.diff(number[rows]) != 0)) + 1
+    return [
+        samples.part(_slice(part[has_position[part]]), int(number[part[0]]), int(np.sum(~has_position[part])))
+        for part in np.split(rows, ends)
+        if len(part) and number[part[0]] != NO_SWEEP
+    ]
+
+
+def cut_rows(
+    what: str,
     samples: RecordedSweep,
     run: np.ndarray,
     number: np.ndarray,
     has_position: np.ndarray,
     detector: SweepDetector | None = None,
 ) -> tuple[list[RecordedSweep], list[str]]:
-    """The sweeps of samples, and a line about those that are in no detected one.
+    """The sweeps of the rows of a file, and lines about rows, called ``what``, that are in none.
 
-    A sweep is an interval of time within a run; its samples without a position are gaps.
-
-    Parameters
-    ----------
-    samples : n samples in the order of arrival or of the rows of a file
-    run : (n,) int, their run, or :data:`LATE`
-    number : (n,) int, the recorded sweep, or :data:`NO_SWEEP`
-    has_position : (n,) bool
-    detector : detects other sweeps in the motion as the mapping node does, within each run and sweep
+    Arguments as of :func:`cut`; ``detector`` detects other sweeps in the motion, within each run and sweep.
     """
-    rows = np.flatnonzero(run != LATE)
-    parts = _parts(rows, run, number)
+    rows, notes = np.flatnonzero(run != LATE), list[str]()
     if detector is not None:
+        known = zip(samples.position[rows], has_position[rows].tolist(), strict=True)
+        places = (place if is_known else None for place, is_known in known)
+        parts = zip(run[rows].tolist(), number[rows].tolist(), strict=True)
+        each = zip(samples.stamp_ns[rows].tolist(), places, parts, strict=True)
+        found = [detector.update(*sample) for sample in each]
         number = np.full(len(run), NO_SWEEP)
-        for part in parts:
-            number[part] = _detected(detector, samples.part(part, 0), has_position[part])
-        parts = _parts(rows, run, number)
-    sweeps = [
-        samples.part(_slice(part[has_position[part]]), int(number[part[0]]), int(np.sum(~has_position[part])))
-        for part in parts
-        if number[part[0]] != NO_SWEEP
-    ]
-    outside = int(np.sum(number[rows] == NO_SWEEP)) if detector is not None else 0
-    return sweeps, [f"{outside} of {len(rows)} samples are in no detected sweep"] * (outside > 0)
+        number[rows] = found
+        notes = detection_notes(number[rows])
+    return cut(samples, run, number, has_position), [*notes, *row_notes(what, run)]
+
+
+def row_notes(what: str, run: np.ndarray) -> Iterator[str]:
+    """Lines about rows of a file, called ``what``, in runs (n,), whose stamps do not increase."""
+    in_order = run[run != LATE]
+    jumps = int(np.count_nonzero(np.diff(in_order) > 0))
+    return stamp_notes(what, len(run), len(run) - len(in_order), jumps)
+
+
+def detection_notes(number: np.ndarray) -> list[str]:
+    """A line about samples (n,) that are in no detected sweep."""
+    outside = int(np.sum(number == NO_SWEEP))
+    return [f"{outside} of {len(number)} samples are in no detected sweep"] * (outside > 0)
 
 
 def undelayed(
@@ -247,27 +265,10 @@ def delay_of(recording: Recording, axes: tuple[Axis, ...]) -> Delay | None:
     return estimate_delay(axes, tracks) if tracks else None
 
 
-def _parts(rows: np.ndarray, *labels: np.ndarray) -> list[np.ndarray]:
-    """Successive ``rows`` that have the same labels, each of shape (n,)."""
-    changes = [np.diff(label[rows]) != 0 for label in labels]
-    return np.split(rows, np.flatnonzero(np.any(changes, axis=0)) + 1) if len(rows) else []
-
-
 def _slice(rows: np.ndarray) -> slice | np.ndarray:
     """Rising ``rows`` without a gap as a slice, which copies nothing."""
     is_whole = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
     return slice(int(rows[0]), int(rows[-1]) + 1) if is_whole else rows
-
-
-def _detected(detector: SweepDetector, samples: RecordedSweep, has_position: np.ndarray) -> list[int]:
-    """Numbers of the sweeps of samples; one without a position is in that of the one before."""
-    detector.reset()
-    numbers = [NO_SWEEP]
-    for stamp_ns, position, known in zip(
-        samples.stamp_ns.tolist(), samples.position, has_position, strict=True
-    ):
-        numbers.append((detector.update(stamp_ns, position) or NO_SWEEP) if known else numbers[-1])
-    return numbers[1:]
 
 
 def gap_notes(recording: Recording) -> list[str]:
@@ -299,47 +300,18 @@ def scan_of(recording: Recording, scene: Scene) -> Scan:
     )
 
 
-def stamp_notes(run: np.ndarray, what: str) -> Iterator[str]:
-    """Lines about samples, called ``what``, whose run (n,) is :data:`LATE` or larger than that before it."""
-    in_order = run[run != LATE]
-    if late := len(run) - len(in_order):
-        yield f"skipped {late} of {len(run)} {what} whose stamps do not increase"
-    if jumps := np.count_nonzero(np.diff(in_order) > 0):
-        yield f"{jumps} of {len(run)} {what} have stamps that jump back: another run begins"
+def stamp_notes(what: str, count: int, late: int, jumps: int) -> Iterator[str]:
+    """Lines about ``count`` samples, called ``what``, of which some are late, and some jump back."""
+    if late:
+        yield f"skipped {late} of {count} {what} whose stamps do not increase"
+    if jumps:
+        yield f"{jumps} of {count} {what} have stamps that jump back: another run begins"
 
 
-def pose_notes(
-    what: str,
-    axes: tuple[Axis, ...],
-    stamp_ns: np.ndarray,
-    pose_ns: np.ndarray,
-    position: np.ndarray,
-    max_gap_s: float,
-    shift: Callable[[float], str] = lambda ahead_s: "",
-) -> Iterator[str]:
-    """Findings about poses that strain is paired with: another clock, slow ones, an implausible motion.
-
-    Parameters
-    ----------
-    what : their source, for the lines
-    axes : the d axes
-    stamp_ns : (n,) stamps of the strain, ns
-    pose_ns, position : (m,) and (m, d) stamps of the poses, ns, and palm positions, m (yaw: rad)
-    max_gap_s : longest time between two poses across which is interpolated, s
-    shift : advice where the poses are ahead by a time, s, by another clock
-    """
-    if not len(pose_ns):
-        return
-    if gaps := describe_gaps(stamp_ns, pose_ns, max_gap_s):
-        ahead_s = clock_difference_s(stamp_ns, pose_ns)
-        yield f"{what}: {gaps}" + (shift(ahead_s) if ahead_s else "")
-    run = runs_of(pose_ns)
-    motions = (
-        describe_motion(axes, pose_ns[run == number], position[run == number], moves=False)
-        for number in range(run.max() + 1)
-    )
-    if motion := next(filter(None, motions), ""):
-        yield f"{what}: {motion}"
+def pose_notes(what: str, seen: Seen, shift: Callable[[float], str] = lambda ahead_s: "") -> Iterator[str]:
+    """Findings about poses of a source, for the lines; ``shift`` advises where their clock is ahead by s."""
+    for found in findings(seen):
+        yield f"{what}: {found.text}" + (shift(found.value) if found.name == "difference" else "")
 
 
 def usable(status: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from tactile_localizer.scene import Scene
 from tactile_localizer.streams.alternation import alternates
 from tactile_localizer.streams.coverage import Coverage
 from tactile_localizer.streams.delay import Track
-from tactile_localizer.streams.palm_motion import describe_motion
+from tactile_localizer.streams.findings import describe_motion
 from tactile_localizer.streams.plausible_strain import describe_strain
 
 _MIN_PAIRS = 50

@@ -47,8 +47,9 @@ from tactile_localizer.ros.publishers.material_transform import MaterialBroadcas
 from tactile_localizer.ros.subscriptions.tactile_inputs import INPUTS, TactileInputs
 from tactile_localizer.scene import Scene
 from tactile_localizer.srv import LoadScan
+from tactile_localizer.streams.findings import CLOCKS
 from tactile_localizer.streams.runs import NANOSECONDS
-from tactile_localizer.streams.synchronization import Pair
+from tactile_localizer.streams.session import Pair
 
 _NUMBERS = re.compile(r"\d+ publishers?|[\d.]+")
 _SAME_DELAY_S = 0.005
@@ -123,7 +124,7 @@ class FilterNode(ManagedNode):
     def _log_counts(self) -> None:
         """Log what became of the strain since the map was loaded."""
         received, counts = self._inputs.received["strain"], self._online.counts
-        without = counts["without a pose"] + self._inputs.pairing.waiting
+        without = counts["without a pose"] + self._inputs.session.waiting
         self.get_logger().info(
             f"{received} strain vectors received, {self._online.estimates} posteriors, "
             f"{without} without a pose, {self._inputs.lost} lost in transport"
@@ -174,7 +175,7 @@ class FilterNode(ManagedNode):
         self._age_s = dict.fromkeys(self._last_ns, 0.0)
 
     def _on_pairs(self, pairs: list[Pair[StrainSample]]) -> None:
-        self._publish(self._online.take(pairs, self._inputs.pairing.resets))
+        self._publish(self._online.take(pairs))
 
     def _publish(self, estimates: list[Estimate]) -> None:
         for estimate in estimates:
@@ -249,7 +250,7 @@ class FilterNode(ManagedNode):
         self._age_s = {name: (now_ns - last_ns) / NANOSECONDS for name, last_ns in self._last_ns.items()}
         age_s = self._age_s["estimate"]
         if self._online.latest is not None:
-            newest_ns = self._inputs.pairing.newest_input_ns - max(self._inputs.delay_ns, 0)
+            newest_ns = self._inputs.session.newest_input_ns - max(self._inputs.delay_ns, 0)
             behind_ns = newest_ns - self._online.latest.stamp_ns
             age_s = max(age_s, behind_ns / NANOSECONDS)
         was_stale = bool(self._stale)
@@ -274,14 +275,14 @@ class FilterNode(ManagedNode):
 
     def _missing(self) -> str:
         """Why there is no new estimate."""
-        inputs, timeout_s = self._inputs, self.parameters["stale_timeout_s"]
+        inputs = self._inputs
         sparse = inputs.sparsity(self._age_s["palm_pose"])
         if silent := [topic for topic in self._silent() if topic == "strain" or not sparse]:
             return " and ".join(map(inputs.absence, silent))
-        strain_ns, pose_ns = inputs.pairing.newest_ns or 0, inputs.pairing.newest_pose_ns or 0
+        strain_ns, pose_ns = inputs.session.newest_ns or 0, inputs.session.newest_pose_ns or 0
         late = "palm_pose" if pose_ns < strain_ns else "strain"
         invalid = map(inputs.problems.get, INPUTS)
-        reasons = (*invalid, sparse, inputs.misalignment(timeout_s / 2), self._online.last_error)
+        reasons = (*invalid, sparse, inputs.finding(CLOCKS), self._online.last_error)
         return next(filter(None, reasons), inputs.absence(late))
 
     def _silent(self) -> list[str]:
@@ -292,8 +293,7 @@ class FilterNode(ManagedNode):
         """What is wrong with the inputs; empty if nothing is."""
         missing = self._stale or (self._missing() if self._silent() else "")
         inputs = self._inputs
-        misaligned = inputs.misalignment(self.parameters["patience_s"])
-        return missing or inputs.mixed() or misaligned or inputs.motion() or self._loaded.other_delay
+        return missing or inputs.mixed() or inputs.finding() or self._loaded.other_delay
 
     def _repeat_as_stale(self) -> None:
         """Publish the last estimate, or that there is none yet, with the reason."""

@@ -38,9 +38,10 @@ from tactile_localizer.ros.diagnostics.status import DiagnosticsPublisher, Incre
 from tactile_localizer.ros.publishers.maps import MapPublisher
 from tactile_localizer.ros.subscriptions.tactile_inputs import FRAMES, INPUTS, SYNCHRONIZATION, TactileInputs
 from tactile_localizer.streams.coverage import SWEEP_DISTANCE_M, Coverage
+from tactile_localizer.streams.findings import CLOCKS, MOTION
 from tactile_localizer.streams.runs import NANOSECONDS
+from tactile_localizer.streams.session import Pair
 from tactile_localizer.streams.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M, SweepDetector
-from tactile_localizer.streams.synchronization import Pair
 
 PARAMETERS = (
     Parameter("scan_file", "", "Scan (folder) to record to; an existing one is continued", at_start=True),
@@ -129,7 +130,7 @@ class MappingNode(ManagedNode):
         self._refresh_map()
 
     def _end_recording(self) -> None:
-        self._record(self._inputs.pairing.finish())
+        self._record(self._inputs.session.finish())
         self._try_to_write(self._recorder.close)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -180,11 +181,11 @@ class MappingNode(ManagedNode):
         self._answer_endings()
 
     def _commit(self) -> None:
-        self._try_to_write(self._recorder.settle, self._inputs.pairing.settled_ns)
+        self._try_to_write(self._recorder.settle, self._inputs.session.settled_ns)
         self._answer_endings()
         for ending in [each for each in self._ending if time.monotonic() > each.deadline_s]:
             self._inputs.take_waiting()
-            self._try_to_write(self._recorder.take, self._inputs.pairing.finish(ending.until_ns))
+            self._try_to_write(self._recorder.take, self._inputs.session.finish(ending.until_ns))
             self._try_to_write(self._recorder.settle, math.inf)
             self._answer_endings(max(ending.until_ns - self._inputs.newest_ns, 0) / NANOSECONDS)
         previous, self._last_sweep = self._last_sweep, self._recorder.incomplete
@@ -243,13 +244,13 @@ class MappingNode(ManagedNode):
 
     def _statuses(self) -> list[DiagnosticStatus]:
         """The state of the recording; losses since the previous status are a warning."""
-        recorder, pairing = self._recorder, self._inputs.pairing
+        recorder, session = self._recorder, self._inputs.session
         totals = {
             "samples without a pose": recorder.gaps,
             "samples missing, saturated or out of bounds": recorder.skipped,
             "strain vectors lost in transport": self._inputs.lost,
-            "late messages": pairing.late,
-            "backward jumps of the stamps": pairing.resets,
+            "late messages": session.late,
+            "backward jumps of the stamps": session.resets,
         }
         losses = self._losses.describe(totals)
         new_pairs = self._pairs.since({"pairs": recorder.pairs})["pairs"]
@@ -260,10 +261,10 @@ class MappingNode(ManagedNode):
             self.get_logger().warning(" and ".join(absent))
         self._is_absent = bool(absent)
         errors = "; ".join(filter(None, [self._write_error, *self._inputs.problems.values(), *absent]))
-        misaligned = self._inputs.misalignment(self.parameters["patience_s"])
+        misaligned = self._inputs.finding(CLOCKS)
         began_ns = self._recorder.began_ns
         is_late = began_ns is not None and self._inputs.newest_ns - began_ns > _STILL_NS
-        motion = self._inputs.motion(moves=is_late)
+        motion = self._inputs.finding(MOTION, moves=is_late)
         behind = self._inputs.behind if losses or misaligned else ""
         warnings = ", ".join(filter(None, [self._inputs.mixed(), misaligned, *losses, behind, motion]))
         activity = f"recording sweep {recorder.number}" if recorder.is_active else "no active sweep"
@@ -285,7 +286,7 @@ class MappingNode(ManagedNode):
 
         ``stamp_ns`` is where a sweep begins or ends; later statuses are not stamped before it.
         """
-        recorder, resets = self._recorder, self._inputs.pairing.resets
+        recorder, resets = self._recorder, self._inputs.session.resets
         if stamp_ns is not None:
             self._changed = resets, stamp_ns
         earliest_ns = self._changed[1] if self._changed[0] == resets else 0

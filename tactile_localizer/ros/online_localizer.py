@@ -11,7 +11,7 @@ from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.recording import usable
 from tactile_localizer.io.scans.recorder import StrainSample
-from tactile_localizer.streams.synchronization import Pair
+from tactile_localizer.streams.session import Pair
 
 _TIMES_KEPT = 4096
 _BEFORE_FIRST_NS = -1
@@ -47,7 +47,7 @@ class OnlineLocalizer:
         self.counts: Counter[str] = Counter()
         self.update_times_ns: deque[int] = deque(maxlen=_TIMES_KEPT)
         self._max_gap_s = max_gap_s
-        self._epoch = 0
+        self._run = 0
         self.reset()
 
     @property
@@ -83,17 +83,14 @@ class OnlineLocalizer:
             return 0.0, 0.0
         return self.localizer.out_of_range, float(self._range.positions_outside(self.palm, self._start))
 
-    def take(self, pairs: Sequence[Pair[StrainSample]], epoch: int) -> list[Estimate]:
-        """Update with pairs of strain vectors and positions; returns their estimates.
-
-        ``epoch`` is the number of backward jumps of the stamps so far.
-        """
-        if epoch != self._epoch:
-            self._epoch, self._since_ns, self._start = epoch, _BEFORE_FIRST_NS, None
+    def take(self, pairs: Sequence[Pair[StrainSample]]) -> list[Estimate]:
+        """Update with pairs of strain vectors and positions; returns their estimates."""
         return [estimate for pair in pairs if (estimate := self._localize(pair)) is not None]
 
     def _localize(self, pair: Pair[StrainSample]) -> Estimate | None:
         counts = self.counts
+        if pair.run != self._run:
+            self._run, self._since_ns, self._start = pair.run, _BEFORE_FIRST_NS, None
         if pair.stamp_ns <= self._since_ns:
             counts["earlier"] += 1
             return None

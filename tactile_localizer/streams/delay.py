@@ -249,9 +249,8 @@ def _strokes(axes: tuple[Axis, ...], tracks: Sequence[Track]) -> list[_Stroke]:
     detector = SweepDetector(axes)
     found = []
     for track, place in zip(tracks, places, strict=True):
-        detector.reset()
-        stamps = track.stamp_ns.tolist()
-        labels = np.array([detector.update(*each) for each in zip(stamps, track.position, strict=True)])
+        stamps = zip(track.stamp_ns.tolist(), track.position, strict=True)
+        labels = np.array([detector.update(*each, part=id(track)) for each in stamps])
         for label in np.unique(labels[labels > 0]).tolist():
             rows = np.flatnonzero((labels == label) & np.isfinite(track.strain).all(axis=1))
             if len(rows):

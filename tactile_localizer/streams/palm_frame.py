@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -51,6 +50,11 @@ class PalmFrame:
             offset = -rotation @ np.asarray(material_pose[:3])
             self._from[reference_frame] = (rotation.tolist(), offset.tolist())
 
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the frames in which poses may be given."""
+        return tuple(self._from)
+
     def position(self, frame: str, translation: Sequence[float], quaternion: Sequence[float]) -> np.ndarray:
         """The palm's position on the axes, (d,), m (yaw: rad).
 
@@ -70,20 +74,8 @@ class PalmFrame:
             raise MeasurementError(f"palm pose: expected finite {', '.join(self._names)}, got {position}")
         return np.array(position)
 
-    def positions(self, frame: str, translations: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
-        """Positions (n, d) of poses (n, 3) and (n, 4), as :meth:`position`; NaN where that refuses the pose.
-
-        Raises
-        ------
-        MeasurementError
-            The frame is unknown.
-        """
-        with np.errstate(over="ignore", invalid="ignore"):
-            found = np.stack(self._on_axes(frame, *translations.T, *quaternions.T), axis=1)
-        return np.where(np.abs(found) <= LARGEST_NUMBER, found, math.nan)
-
-    def _on_axes(self, frame: str, x: Any, y: Any, z: Any, *quaternion: Any) -> list[Any]:
-        """Coordinates of a pose, or of an array of poses, one for each axis."""
+    def _on_axes(self, frame: str, x: float, y: float, z: float, *quaternion: float) -> list[float]:
+        """Coordinates of a pose, one for each axis."""
         if frame not in self._from:
             known = " or ".join(repr(name) for name in self._from)
             raise MeasurementError(f"palm pose frame {frame!r}: expected {known}")
@@ -97,10 +89,9 @@ class PalmFrame:
         return [values[name] for name in self._names]
 
 
-def _yaw(rows: list[list[float]], x: Any, y: Any, z: Any, w: Any) -> Any:
+def _yaw(rows: list[list[float]], x: float, y: float, z: float, w: float) -> float:
     """Heading of the palm's x axis in the material's x-y plane; NaN for a quaternion of length zero."""
     # The palm's x axis in the given frame, times the quaternion's squared length.
     along, across, up = w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)
     heading = [row[0] * along + row[1] * across + row[2] * up for row in rows]
-    is_zero = (x == 0) & (y == 0) & (z == 0) & (w == 0)
-    return np.where(is_zero, math.nan, np.arctan2(heading[1], heading[0]))
+    return math.atan2(heading[1], heading[0]) if any((x, y, z, w)) else math.nan

@@ -46,20 +46,20 @@ class Runs:
     sweep of its own. Strain is paired with the poses of the run of the same number, whichever topic jumps
     first; a topic that does not jump within a second of the other one's stamps is taken along.
 
-    :class:`~.synchronization.Pairing` applies it live, :func:`~.synchronization.pair_recorded` to a
-    recording, and :func:`runs_of` to a recording whose rows have strain and positions.
+    :class:`~.session.Session` applies it to what arrives, live or recorded, and :func:`runs_of` to the rows
+    of a file.
 
     Attributes
     ----------
     newest_ns : newest stamps of :data:`STRAIN` and :data:`POSES`, ns; ``None`` before the first
     number : their runs, from 0
     jumps : numbers of their backward jumps
-    late : number of messages that were late
+    late : numbers of their messages that were late
     """
 
     def __init__(self) -> None:
         self.newest_ns: list[int | None] = [None, None]
-        self.number, self.jumps, self.late = [0, 0], [0, 0], 0
+        self.number, self.jumps, self.late = [0, 0], [0, 0], [0, 0]
         self._begin_ns = [0, 0]
 
     def add(self, topic: int, stamp_ns: int) -> int:
@@ -73,7 +73,7 @@ class Runs:
         newest_ns, other = self.newest_ns[topic], 1 - topic
         if newest_ns is not None and stamp_ns <= newest_ns:
             if newest_ns - stamp_ns <= _JUMP_NS:
-                self.late += 1
+                self.late[topic] += 1
                 return LATE
             self.jumps[topic] += 1
             self.number[topic] += 1
@@ -96,21 +96,3 @@ def runs_of(stamp_ns: np.ndarray) -> np.ndarray:
         return np.zeros(len(stamp_ns), dtype=np.intp)
     runs = Runs()
     return np.array([runs.add(STRAIN, each) for each in stamp_ns.tolist()], dtype=np.intp)
-
-
-def runs_of_both(
-    stamp_ns: np.ndarray, pose_ns: np.ndarray, strain_before: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the runs of strain vectors (n,) and poses (m,), or :data:`LATE`, in their order of arrival.
-
-    Parameters
-    ----------
-    stamp_ns, pose_ns : (n,) and (m,) stamps, each in the order of arrival, ns
-    strain_before : (m,) number of strain vectors that had arrived before each pose
-    """
-    runs, n = Runs(), len(stamp_ns)
-    order = np.argsort(np.concatenate([np.arange(n), strain_before - 0.5]), kind="stable")
-    topic, stamps = np.where(order < n, STRAIN, POSES), np.concatenate([stamp_ns, pose_ns])[order]
-    numbers = np.empty(len(order), dtype=np.intp)
-    numbers[order] = [runs.add(*each) for each in zip(topic.tolist(), stamps.tolist(), strict=True)]
-    return numbers[:n], numbers[n:]

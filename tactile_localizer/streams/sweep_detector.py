@@ -5,6 +5,9 @@ import numpy as np
 from tactile_localizer.scene import Axis
 from tactile_localizer.streams.runs import NANOSECONDS
 
+NO_SWEEP = -1
+"""In place of the number of a sweep."""
+
 DEFAULT_REVERSAL_M = 0.002
 """Travel against a sweep's direction that ends it, and travel from rest that begins one, m."""
 
@@ -40,25 +43,33 @@ class SweepDetector:
         self._reversal = reversal_m
         self._rest_ns = round(rest_s * NANOSECONDS)
         self._sweeps = 0
-        self.reset()
+        self._part: object = None
+        self._forget()
 
-    def reset(self) -> None:
-        """Forget the motion, as after a jump in time; the numbering continues."""
+    def _forget(self) -> None:
         self._first_direction: np.ndarray | None = None
         self._direction: np.ndarray | None = None
         self._is_sweep = False
         self._furthest = self._mark = np.zeros(len(self._columns))
         self._mark_ns: int | None = None
 
-    def update(self, stamp_ns: int, position: np.ndarray) -> int:
-        """Number of the sweep of the next sample, from 1; 0 if it belongs to none.
+    def update(self, stamp_ns: int, position: np.ndarray | None, part: object = None) -> int:
+        """Number of the sweep of the next sample, from 1; :data:`NO_SWEEP` if it belongs to none.
 
         Parameters
         ----------
         stamp_ns : stamp of the sample, ns
-        position : (d,) palm position, m (yaw: rad)
+        position : (d,) palm position, m (yaw: rad); ``None``: the sample is in the sweep of the one before
+        part : of the recording; a sweep does not go on in another one, as after a jump in time
         """
-        place = position[self._columns]
+        if part != self._part:
+            self._part = part
+            self._forget()
+        if position is not None:
+            self._move(stamp_ns, position[self._columns])
+        return self._sweeps if self._is_sweep else NO_SWEEP
+
+    def _move(self, stamp_ns: int, place: np.ndarray) -> None:
         if self._mark_ns is None:
             self._rest_at(stamp_ns, place)
         elif self._direction is None:
@@ -68,7 +79,6 @@ class SweepDetector:
                 self._rest_at(stamp_ns, place)
         else:
             self._advance(stamp_ns, place, self._direction)
-        return self._sweeps if self._is_sweep else 0
 
     def _advance(self, stamp_ns: int, place: np.ndarray, direction: np.ndarray) -> None:
         assert self._mark_ns is not None

@@ -13,7 +13,7 @@ from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.sim import shipped_scene, simulate_scan
-from tactile_localizer.streams.synchronization import Pairing
+from tactile_localizer.streams.session import Session
 
 MS = 1_000_000
 OK = np.zeros(2, dtype=np.uint8)
@@ -42,13 +42,15 @@ class Stream(OnlineLocalizer):
 
     def __init__(self, localizer, known):
         super().__init__(localizer, 0.1, known)
-        self.pairing = Pairing(localizer.scene.axes, max_gap_s=0.1, patience_s=1.0)
+        self.session = Session(localizer.scene.axes, max_gap_s=0.1, patience_s=1.0)
 
     def add_strain(self, stamp_ns, strain, status):
-        return self.take(self.pairing.add_strain(stamp_ns, (strain, status)), self.pairing.resets)
+        self.session.add_strain(stamp_ns, (strain, status))
+        return self.take(self.session.take())
 
     def add_pose(self, stamp_ns, position):
-        return self.take(self.pairing.add_pose(stamp_ns, position), self.pairing.resets)
+        self.session.add_pose(stamp_ns, position)
+        return self.take(self.session.take())
 
 
 @pytest.fixture
@@ -130,11 +132,11 @@ def test_nonfinite_strain_keeps_the_belief(online, sweep, bad):
 
 def test_a_forward_jump_keeps_the_belief(online, sweep):
     slide(online, sweep, 0, 50)
-    assert online.pairing.forward_jumps == 0
+    assert online.session.forward_jumps == 0
     later = dataclasses.replace(sweep, stamp_ns=sweep.stamp_ns + 10_000_000_000)
     travel = online.latest.travel
     slide(online, later, 50, 60)
-    assert online.pairing.forward_jumps == 1
+    assert online.session.forward_jumps == 1
     assert online.latest.travel > travel
 
 

@@ -28,7 +28,7 @@ from tactile_localizer.offline.replay import replay
 from tactile_localizer.ros.online_localizer import OnlineLocalizer
 from tactile_localizer.sim import shipped_scene, simulate_scan
 from tactile_localizer.streams.runs import stamp_of as bag_stamp_of
-from tactile_localizer.streams.synchronization import Pairing
+from tactile_localizer.streams.session import Session
 
 GRID = {"cell": 1.0}
 PARTICLES = {"filter": "particle", "particles": 200}
@@ -125,15 +125,15 @@ def test_a_clock_that_is_set_back_resets_the_belief_in_a_replay_as_live(tmp_path
         quick, rng = Configuration(cell=1.0), np.random.default_rng(7)
         return build_localizer(scan, scene, quick, rng, calibration=CALIBRATION)
 
-    online, pairing = OnlineLocalizer(localizer(), 0.1, ScanRange.of(scan, scene)), Pairing(scene.axes)
+    online, session = OnlineLocalizer(localizer(), 0.1, ScanRange.of(scan, scene)), Session(scene.axes)
     reader, live = StrainReader(scene), []
     for topic, _, message in happened:
         if topic == "strain":
-            pairs = pairing.add_strain(bag_stamp_of(message), reader.read(message))
+            session.add_strain(bag_stamp_of(message), reader.read(message))
         else:
             place = message.pose.position
-            pairs = pairing.add_pose(bag_stamp_of(message), np.array([place.x, place.y]))
-        live += online.take(pairs, pairing.resets)
+            session.add_pose(bag_stamp_of(message), np.array([place.x, place.y]))
+        live += online.take(session.take())
     replayed = replay(localizer(), recording)
     assert [len(one) for one in replayed] == [60, 60]
     assert [each.stamp_ns for each in live] == [stamp for one in replayed for stamp in one.stamp_ns.tolist()]

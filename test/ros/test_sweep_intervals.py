@@ -20,7 +20,7 @@ from support.waiting import Deadline, wait_until
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.msg import StrainVectors
 from tactile_localizer.ros.base.child_process import end_with_parent
-from tactile_localizer.streams.synchronization import pair_recorded
+from tactile_localizer.streams.synchronization import interpolate_poses
 
 PHALANGES = ("index", "middle")
 NODE = "tactile_mapping"
@@ -106,7 +106,7 @@ def recorded(files):
 def require_as_offline(sweep, stream):
     """Require that a sweep has the pairs of a recording of the stream, to the last bit."""
     stamp_ns, pose_ns = (np.array(stream.stamps[topic]) for topic in ("strain", "palm_pose"))
-    positions, found, _ = pair_recorded(SCENE.axes, stamp_ns, pose_ns, place_at(pose_ns))
+    positions, found = interpolate_poses(SCENE.axes, pose_ns, place_at(pose_ns), stamp_ns)
     rows = found & (stamp_ns >= sweep.stamp_ns[0]) & (stamp_ns <= sweep.stamp_ns[-1])
     np.testing.assert_array_equal(sweep.stamp_ns, stamp_ns[rows])
     np.testing.assert_array_equal(sweep.position, positions[rows])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_localizer.scene import Axis
-from tactile_localizer.streams.palm_motion import describe_motion
+from tactile_localizer.streams.findings import describe_motion
 
 PLANE = (Axis("x", -1.0, 1.0), Axis("y", -1.0, 1.0), Axis("yaw", -1.0, 1.0))
 YAW = PLANE[2:]

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 
 from tactile_localizer.scene import Axis
-from tactile_localizer.streams.sweep_detector import SweepDetector
+from tactile_localizer.streams.sweep_detector import NO_SWEEP, SweepDetector
 
 AXES = (Axis("x", 0.0, 0.1), Axis("y", 0.0, 0.1))
 RATE = 100
@@ -37,7 +37,7 @@ def raster(lines: int = 4) -> np.ndarray:
 def test_each_line_of_a_raster_is_a_sweep():
     positions = raster(4)
     found = numbers(SweepDetector(AXES), positions)
-    assert set(found) == {0, 1, 2, 3, 4}
+    assert set(found) == {NO_SWEEP, 1, 2, 3, 4}
     middle = np.abs(positions[:, 0] - 0.025) < 0.01
     line = np.round(positions[:, 1] / 0.0025).astype(int) + 1
     np.testing.assert_array_equal(found[middle], line[middle])
@@ -56,14 +56,14 @@ def test_one_way_ignores_returns():
     found = numbers(SweepDetector(AXES, one_way=True), there_and_back)
     assert found.max() == 2
     going_back = np.concatenate([[False], np.diff(there_and_back[:, 0]) < 0])
-    assert np.mean(found[going_back] == 0) > 0.95
+    assert np.mean(found[going_back] == NO_SWEEP) > 0.95
     assert np.mean(found[~going_back] > 0) > 0.95
 
 
 def test_jitter_smaller_than_a_reversal_does_not_end_a_sweep():
     positions = path((0, 0), (0.05, 0))
     positions = positions + np.random.default_rng(0).normal(0, 0.0003, positions.shape)
-    assert set(numbers(SweepDetector(AXES), positions)) == {0, 1}
+    assert set(numbers(SweepDetector(AXES), positions)) == {NO_SWEEP, 1}
 
 
 def test_rest_ends_a_sweep():
@@ -71,13 +71,13 @@ def test_rest_ends_a_sweep():
     positions = np.concatenate([path((0, 0), (0.02, 0)), still, path((0.02, 0), (0.04, 0))])
     found = numbers(SweepDetector(AXES, rest_s=2.0), positions)
     assert found[100] == 1
-    assert found[200 + 4 * RATE] == 0
+    assert found[200 + 4 * RATE] == NO_SWEEP
     assert found[-1] == 2
 
 
 def test_a_hand_at_rest_that_creeps_begins_no_sweep():
     """By less than a reversal in the time of a rest: also over many of them."""
-    assert set(numbers(SweepDetector(AXES), path((0, 0), (0.01, 0), speed=0.0008))) == {0}
+    assert set(numbers(SweepDetector(AXES), path((0, 0), (0.01, 0), speed=0.0008))) == {NO_SWEEP}
     assert numbers(SweepDetector(AXES), path((0, 0), (0.01, 0), speed=0.0012))[-1] == 1
 
 
@@ -90,5 +90,5 @@ def test_sweeps_of_a_scene_with_yaw_alone():
 def test_a_way_to_the_side_is_another_sweep():
     positions = path((0.0, 0.0), (0.05, 0.0), (0.05, 0.03), speed=0.004)
     found = numbers(SweepDetector(AXES), positions)
-    assert set(found[positions[:, 1] == 0.0]) == {0, 1}
+    assert set(found[positions[:, 1] == 0.0]) == {NO_SWEEP, 1}
     assert set(found[positions[:, 1] > 0.02]) == {2}

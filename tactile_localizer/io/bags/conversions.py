@@ -4,13 +4,16 @@ from functools import partial
 from operator import attrgetter
 from typing import Any
 
+import numpy as np
+
+from tactile_localizer.errors import MeasurementError
 from tactile_localizer.io.bags.reader import Wanted, absolute
-from tactile_localizer.io.bags.sweeps import Change, Travel
-from tactile_localizer.io.recording import NO_SWEEP
 from tactile_localizer.io.strain_adapter import StrainAdapter, StrainVector
 from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.palm_frame import PalmFrame
 from tactile_localizer.streams.runs import stamp_of, to_ns
+from tactile_localizer.streams.sweep_detector import NO_SWEEP
 from tactile_localizer.streams.transforms import Transform
 
 TF, TF_STATIC = "/tf", "/tf_static"
@@ -23,14 +26,14 @@ _POSES = {
 """Message types of poses in the frame of the header, and the field of the pose."""
 
 
-def _change_of_status(message: Any, received_ns: int) -> Change:
-    """Convert a ``ScanStatus``."""
-    return Change(to_ns(message.header.stamp), int(message.sweep) if message.sweep_active else NO_SWEEP)
+def _sweep_of(message: Any, received_ns: int) -> tuple[int, int]:
+    """Stamp after which a ``ScanStatus`` holds, ns, and the sweep that is in progress then."""
+    return to_ns(message.header.stamp), int(message.sweep) if message.sweep_active else NO_SWEEP
 
 
-def _travel_of(message: Any, received_ns: int) -> Travel:
-    """Convert a ``Posterior``."""
-    return Travel(to_ns(message.header.stamp), float(message.travel))
+def _travel_of(message: Any, received_ns: int) -> tuple[int, float]:
+    """Stamp of a ``Posterior``, ns, and travel since the last global localization, m."""
+    return to_ns(message.header.stamp), float(message.travel)
 
 
 def _pose_in(pose: Any) -> tuple[float, ...]:
@@ -40,10 +43,19 @@ def _pose_in(pose: Any) -> tuple[float, ...]:
     return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 
 
-def _pose(message: Any, received_ns: int) -> tuple[str, int, tuple[float, ...]]:
-    """Frame, stamp (ns), position and quaternion of one of the types of :data:`_POSES`."""
-    pose = attrgetter(_POSES[message.__msgtype__])(message)
-    return message.header.frame_id, stamp_of(message), _pose_in(pose)
+def converted_poses(frame: PalmFrame) -> Wanted:
+    """Messages of the types of :data:`_POSES` as stamps, ns, and positions of the palm in a frame."""
+
+    def convert(message: Any, received_ns: int) -> tuple[int, np.ndarray]:
+        pose, name = _pose_in(attrgetter(_POSES[message.__msgtype__])(message)), message.header.frame_id
+        try:
+            return stamp_of(message), frame.position(name, pose[:3], pose[3:])
+        except MeasurementError as error:
+            if name in frame.frames:
+                raise
+            raise MeasurementError(f"{error}; --material-frame or --reference-frame names another") from None
+
+    return Wanted(tuple(_POSES), convert)
 
 
 def _transforms(message: Any, received_ns: int) -> list[Transform]:
@@ -60,14 +72,12 @@ def _transforms(message: Any, received_ns: int) -> list[Transform]:
 
 
 CONVERTED = {
-    "pose": Wanted(tuple(_POSES), _pose),
-    "truth": Wanted(tuple(_POSES), _pose),
-    "status": Wanted(("tactile_localizer/msg/ScanStatus",), _change_of_status),
+    "status": Wanted(("tactile_localizer/msg/ScanStatus",), _sweep_of),
     "posterior": Wanted(("tactile_localizer/msg/Posterior",), _travel_of),
     "active": Wanted(("std_msgs/msg/Bool",), lambda message, received_ns: int(message.data)),
     **dict.fromkeys((TF, TF_STATIC), Wanted(("tf2_msgs/msg/TFMessage",), _transforms)),
 }
-"""Messages by the names of their topics, but for the strain."""
+"""Messages by the names of their topics, but for strain and poses."""
 
 
 def converted_strain(scene: Scene, topic: str) -> dict[str, Wanted]:

@@ -1,59 +1,44 @@
-"""Reading a bag as a recording: strain and palm poses, paired by their stamps exactly as live."""
+"""Reading a bag as a recording: the session that was recorded, message by message."""
 
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_localizer.errors import MeasurementError, ScanError, listed
-from tactile_localizer.io.bags.conversions import CONVERTED, TF, TF_STATIC, adapted_strain, converted_strain
-from tactile_localizer.io.bags.reader import BagMessages, Wanted, absolute, read_messages
-from tactile_localizer.io.bags.sweeps import (
-    TOPICS,
-    WHOLE_BAG,
-    Change,
-    localized_changes,
-    sweeps_at,
+from tactile_localizer.io.bags.conversions import (
+    CONVERTED,
+    TF,
+    TF_STATIC,
+    adapted_strain,
+    converted_poses,
+    converted_strain,
 )
+from tactile_localizer.io.bags.reader import Received, Wanted, absolute, read_messages
+from tactile_localizer.io.bags.sweeps import TOPICS, WHOLE_BAG, Mark, Travel, localized_sweeps
 from tactile_localizer.io.recording import (
     RecordedSweep,
     Recording,
     cut,
+    detection_notes,
     join,
     pose_notes,
     stamp_notes,
 )
-from tactile_localizer.io.strain_adapter import StrainAdapter
+from tactile_localizer.io.strain_adapter import StrainAdapter, StrainVector
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.arrivals import Arrivals
 from tactile_localizer.streams.palm_frame import PalmFrame
-from tactile_localizer.streams.runs import NANOSECONDS, STRAIN, Runs, runs_of
+from tactile_localizer.streams.runs import NANOSECONDS, POSES, STRAIN
+from tactile_localizer.streams.session import DEFAULT_PATIENCE_S, Pair, Session
 from tactile_localizer.streams.sweep_detector import SweepDetector
-from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S, DEFAULT_PATIENCE_S, pair_recorded
+from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S
 from tactile_localizer.streams.transforms import combined
-
-_MOST_DELAY_NS = NANOSECONDS // 10
-"""Largest difference between the delays of strain and poses, ns (judgement): 5 mm at 50 mm/s."""
-
-
-class _Arrived(NamedTuple):
-    """A converted message, in the order of receipt.
-
-    Parameters
-    ----------
-    value : what the message was converted to
-    run : run of the strain in which it arrived, or :data:`LATE`
-    strain_before : number of strain vectors before it
-    received_ns : time of receipt, ns
-    """
-
-    value: Any
-    run: int
-    strain_before: int
-    received_ns: int
 
 
 def read_bag(
@@ -107,144 +92,125 @@ def read_bag(
     names = {name: absolute(topic) for name, topic in {**default, **(topics or {})}.items()}
     strains = converted_strain(scene, names["strain"]) if adapter is None else adapted_strain(adapter, scene)
     names["strain"] = next(iter(strains))
+    converted = {**CONVERTED, **dict.fromkeys(("pose", "truth"), converted_poses(frame))}
     if palm_frame:
         del names["pose"]
         names |= {TF: TF, TF_STATIC: TF_STATIC}
-    messages = read_messages(path, _wanted(names, strains), definitions, progress)
-    found, notes = _by_name(messages, names, strains), messages.notes()
+    messages = read_messages(path, _wanted(names, strains, converted), definitions, progress)
+    pose = names.get("pose", TF)
+    named = {topic: name for name, topic in names.items()} | dict.fromkeys(strains, "strain") | {pose: "pose"}
+    notes = messages.notes()
     if adapter is not None:
         notes += [*filter(None, map(adapter.mixed, adapter.topics)), *adapter.findings()]
-    for name in ("strain", TF if palm_frame else "pose"):
-        if not found[name]:
-            raise _nothing_on(path, names[name], messages, notes)
-    stamp_ns, strain, status = map(np.array, zip(*(each.value for each in found["strain"]), strict=True))
-    run = np.array([each.run for each in found["strain"]])
-    notes += stamp_notes(run, "strain vectors")
-    topic = names.get("pose", TF)
+    received = [each._replace(topic=named[each.topic]) for each in messages.received]
+    counts = Counter(each.topic for each in received)
+    if not (counts["strain"] and counts["pose"]):
+        raise _nothing_on(path, pose if counts["strain"] else names["strain"], messages.topics, notes)
     if palm_frame:
-        found["pose"] = _from_tf(found, frame.reference_frame, palm_frame.lstrip("/"))
-    pose_ns, poses, before = _positions(found["pose"], frame, topic, notes)
+        received = _with_poses_of_tf(received, frame, palm_frame.lstrip("/"))
+    session = _session(received, scene, max_gap_s, by_status, detector)
+    counts = Counter(each.topic for each in received)
+    for kind, what in ((STRAIN, "strain vectors"), (POSES, f"poses of {pose}")):
+        runs, count = session.runs, counts["strain" if kind == STRAIN else "pose"]
+        notes += stamp_notes(what, count, runs.late[kind], runs.jumps[kind])
     receipt = "; stamp: receipt in the adapter takes the times of receipt" * (adapter is not None)
-    clocks = stamp_ns, pose_ns, poses, max_gap_s, lambda ahead_s: receipt
-    implausible = [*pose_notes(topic, scene.axes, *clocks)]
-    notes += implausible or _delay_notes(found["strain"], found["pose"], topic)
-    pair = partial(pair_recorded, scene.axes, stamp_ns)
-    position, has_position, _ = pair(pose_ns, poses, max_gap_s, before)
-    truth = None
-    if found["truth"]:
-        pose_ns, poses, before = _positions(found["truth"], frame, names["truth"], notes)
-        truth, *_ = pair(pose_ns, poses, max_gap_s, before)
-    samples = RecordedSweep(0, stamp_ns, position, strain, status, truth)
-    number = np.ones(len(run), dtype=np.intp)
-    for each in range(0 if detector else run.max() + 1):
-        number[run == each] = sweeps_at(_changes(found, each, by_status), stamp_ns[run == each])
-    sweeps, outside = cut(samples, run, number, has_position, detector)
-    lost = sum(count for count, _ in messages.invalid.values())
-    return join([Recording(str(path), tuple(sweeps), (*notes, *outside), lost)])
+    notes += pose_notes(pose, session.seen(), lambda ahead_s: receipt)
+    pairs = session.finish()
+    samples, has_position = _samples(pairs, scene)
+    if counts["truth"]:
+        truths = _session(received, scene, max_gap_s, by_status, poses="truth").finish()
+        samples = replace(samples, truth=_samples(truths, scene)[0].position)
+    run, sweep = np.array([(each.run, each.sweep) for each in pairs]).T
+    notes += detection_notes(sweep) if detector else []
+    lost = sum(count for topic, (count, _) in messages.invalid.items() if topic in strains)
+    sweeps = cut(samples, run, sweep, has_position)
+    return join([Recording(str(path), tuple(sweeps), tuple(notes), lost)])
 
 
-def _wanted(names: Mapping[str, str], strains: Mapping[str, Wanted]) -> dict[str, Wanted]:
+def _wanted(
+    names: Mapping[str, str], strains: Mapping[str, Wanted], converted: Mapping[str, Wanted]
+) -> dict[str, Wanted]:
     """What to read of each topic, of which ``strains`` are those with strain."""
-    others = {topic: CONVERTED[name] for name, topic in names.items() if name != "strain"}
+    others = {topic: converted[name] for name, topic in names.items() if name != "strain"}
     if len(others) < len(names) - 1 or others.keys() & strains.keys():
         used = ", ".join([*names.values(), *list(strains)[1:]])
         raise ScanError(f"topics: expected different ones, got {used}")
     return {**others, **strains}
 
 
-def _by_name(
-    messages: BagMessages, names: Mapping[str, str], strains: Mapping[str, Wanted]
-) -> dict[str, list[_Arrived]]:
-    """The messages by the names of their topics, in the order of receipt."""
-    named = {topic: name for name, topic in names.items()} | dict.fromkeys(strains, "strain")
-    found: dict[str, list[_Arrived]] = defaultdict(list)
-    strain, received = Runs(), messages.received
-    leads_ns = [value.stamp_ns - received_ns for topic, received_ns, value in received if topic in strains]
-    ahead_ns = max(leads_ns, default=0)
-    for topic, received_ns, value in received:
-        name, before = named[topic], len(found["strain"])
-        run = strain.number[STRAIN] if name != "strain" else strain.add(STRAIN, value.stamp_ns)
-        if name == "active":  # which has no stamp: the present in the clock of the strain, as it is live
-            present_ns = strain.newest_ns[STRAIN] or 0
-            if abs(ahead_ns) <= DEFAULT_PATIENCE_S * NANOSECONDS:
-                present_ns = max(present_ns, received_ns + max(ahead_ns, 0))
-            value = Change(present_ns, value)
-        found[name].append(_Arrived(value, run, before, received_ns))
-    return found
-
-
-def _nothing_on(path: str | Path, topic: str, messages: BagMessages, notes: list[str]) -> ScanError:
-    there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(messages.topics.items()))
-    if topic in messages.topics:
+def _nothing_on(path: str | Path, topic: str, topics: Mapping[str, str], notes: list[str]) -> ScanError:
+    there = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(topics.items()))
+    if topic in topics:
         found = "; ".join(notes) or "it has none"
         return ScanError(f"{path}: expected messages of {topic} that can be used, found none: {found}")
     reasons = "; ".join([there or "no topics", *notes])
-    advice = "; --palm-frame FRAME looks the pose up in tf" if TF in messages.topics and topic != TF else ""
+    advice = "; --palm-frame FRAME looks the pose up in tf" if TF in topics and topic != TF else ""
     return ScanError(f"{path}: expected messages of {topic}, found {reasons}{advice}")
 
 
-def _delay_notes(strain: Sequence[_Arrived], poses: Sequence[_Arrived], topic: str) -> Iterator[str]:
-    """A finding about poses on ``topic`` whose stamps are far from those of the strain received with them."""
-    strain_ns = np.array([each.value.stamp_ns - each.received_ns for each in strain])
-    pose_ns = np.array([each.value[1] - each.received_ns for each in poses])
-    before = np.maximum([each.strain_before - 1 for each in poses], 0)
-    ahead_ns = float(np.median(pose_ns - strain_ns[before]))
-    if abs(ahead_ns) > _MOST_DELAY_NS:
-        way = "ahead of" if ahead_ns > 0.0 else "behind"
-        text = f"stamps are {abs(ahead_ns) / NANOSECONDS:.2g} s {way} the strain received with them"
-        yield f"{topic}: {text}: another clock, or the time of sending?"
+def _session(
+    received: Sequence[Received],
+    scene: Scene,
+    max_gap_s: float,
+    by_status: bool,
+    detector: SweepDetector | None = None,
+    poses: str = "pose",
+) -> Session[StrainVector]:
+    """The session in which messages were received, each with its topic's name in :data:`TOPICS`."""
+    session: Session[StrainVector] = Session(
+        scene.axes, max_gap_s=max_gap_s, patience_s=math.inf, detector=detector, arrivals=Arrivals()
+    )
+    flags, travels = list[Mark](), list[Travel]()
+    ahead_ns = max(value.stamp_ns - received_ns for name, received_ns, value in received if name == "strain")
+    is_of_receiver = abs(ahead_ns) <= DEFAULT_PATIENCE_S * NANOSECONDS
+    for name, received_ns, value in received:
+        if name == "strain":
+            session.add_strain(value.stamp_ns, value, received_ns)
+        elif name == poses:
+            stamp_ns, position = value
+            session.add_pose(stamp_ns, position, received_ns)
+        elif name == "status" and by_status:
+            session.mark(session.run, *value)
+        elif name == "active":  # which has no stamp: the present in the clock of the strain, as it is live
+            present_ns = received_ns + max(ahead_ns, 0) if is_of_receiver else 0
+            flags.append(Mark(session.run, max(session.newest_ns or 0, present_ns), value))
+        elif name == "posterior":
+            travels.append(Travel(session.run, *value))
+    reported = [] if by_status else localized_sweeps(flags, travels)
+    for mark in reported or [WHOLE_BAG] * (not session.has_marks):
+        session.mark(*mark)
+    return session
 
 
-def _changes(found: Mapping[str, list[_Arrived]], run: int, by_status: bool) -> Sequence[Change]:
-    """Sweeps of a run of the strain, as the nodes report them in the messages ``found`` by name."""
-
-    def until(name: str) -> list[Any]:
-        """Messages until the end of the run; those of the time before it have stamps before all."""
-        until_now = [each for each in found[name] if each.run <= run]
-        stamp_ns = [each.value.stamp_ns if each.run == run else -1 for each in until_now]
-        at_ns = np.minimum.accumulate(stamp_ns[::-1])[::-1].tolist()
-        return [each.value._replace(stamp_ns=at) for each, at in zip(until_now, at_ns, strict=True)]
-
-    if by_status:
-        return until("status") if found["status"] else WHOLE_BAG
-    return localized_changes(until("active"), until("posterior"))
+def _samples(pairs: Sequence[Pair[StrainVector]], scene: Scene) -> tuple[RecordedSweep, np.ndarray]:
+    """Samples (n) of pairs, as of one sweep, and which have a position, (n,) bool."""
+    position = np.full((len(pairs), scene.dimension), math.nan)
+    has_position = np.array([each.position is not None for each in pairs])
+    position[has_position] = [each.position for each in pairs if each.position is not None]
+    stamp_ns, strain, status = map(np.array, zip(*(each.measurement for each in pairs), strict=True))
+    return RecordedSweep(0, stamp_ns, position, strain, status), has_position
 
 
-def _from_tf(found: Mapping[str, list[_Arrived]], target: str, source: str) -> list[_Arrived]:
-    """Poses of one frame in another, as the nodes take them from tf."""
-    static = [each for message in found[TF_STATIC] for each in message.value]
-    rows, stamp_ns, poses = combined(static, [each.value for each in found[TF]], target, source)
+def _with_poses_of_tf(received: Sequence[Received], frame: PalmFrame, source: str) -> list[Received]:
+    """What was received, with the poses of a frame as the nodes take them from tf in place of ``/tf``."""
+    static = [each for name, _, value in received if name == TF_STATIC for each in value]
+    moving = [each for each in received if each.topic == "pose"]
+    target = frame.reference_frame
+    rows, stamp_ns, poses = combined(static, [each.value for each in moving], target, source)
     if not len(rows):
-        transforms = chain(static, *(message.value for message in found[TF]))
+        transforms = chain(static, *(each.value for each in moving))
         names = sorted({name for each in transforms for name in (each.parent, each.child)})
         frames = f"the frames {listed(names)}, which do not connect them"
         raise ScanError(f"{TF}: expected moving transforms from {source} to {target}, found {frames}")
     from scipy.spatial.transform import Rotation
 
-    numbers = np.hstack([poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3]).as_quat()])
-    values = zip(stamp_ns.tolist(), map(tuple, numbers.tolist()), strict=True)
+    numbers = np.hstack([poses[:, :3, 3], Rotation.from_matrix(poses[:, :3, :3]).as_quat()]).tolist()
+    found = {}
+    for row, stamp, pose in zip(rows.tolist(), stamp_ns.tolist(), numbers, strict=True):
+        with suppress(MeasurementError):  # of impossible size
+            found[id(moving[row])] = stamp, frame.position(target, pose[:3], pose[3:])
     return [
-        found[TF][row]._replace(value=(target, *value))
-        for row, value in zip(rows.tolist(), values, strict=True)
+        each._replace(value=found.get(id(each), each.value))
+        for each in received
+        if each.topic != "pose" or id(each) in found
     ]
-
-
-def _positions(
-    poses: Sequence[_Arrived], frame: PalmFrame, topic: str, notes: list[str]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Poses in a known frame: stamps (m,), ns; finite positions (m, d); strain vectors before each (m,)."""
-    names, stamp_ns, numbers = map(np.array, zip(*(each.value for each in poses), strict=True))
-    before = np.array([each.strain_before for each in poses])
-    position = np.full((len(names), frame.dimension), np.nan)
-    reason = "not finite, or of impossible size"
-    for name in np.unique(names).tolist():
-        rows = names == name
-        try:
-            position[rows] = frame.positions(name, numbers[rows, :3], numbers[rows, 3:])
-        except MeasurementError as error:
-            reason = f"{error}; --material-frame or --reference-frame names another"
-    valid = np.isfinite(position).all(axis=1)
-    if not valid.all():
-        notes.append(f"skipped {np.sum(~valid)} of {len(valid)} poses of {topic}: {reason}")
-    notes += stamp_notes(runs_of(stamp_ns[valid]), f"poses of {topic}")
-    return stamp_ns[valid], position[valid], before[valid]

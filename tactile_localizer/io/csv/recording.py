@@ -23,20 +23,21 @@ from tactile_localizer.io.names import Names
 from tactile_localizer.io.recording import (
     RecordedSweep,
     Recording,
-    cut,
+    cut_rows,
     join,
     pose_notes,
-    stamp_notes,
+    row_notes,
 )
 from tactile_localizer.io.status import missing_status
 from tactile_localizer.scene import Scene
+from tactile_localizer.streams.arrivals import Seen
+from tactile_localizer.streams.clocks import is_of_zones
 from tactile_localizer.streams.runs import LATE, NANOSECONDS, runs_of
 from tactile_localizer.streams.sweep_detector import SweepDetector
 from tactile_localizer.streams.synchronization import (
     DEFAULT_MAX_GAP_S,
-    is_of_zones,
+    interpolate_runs,
     near_bounds,
-    pair_recorded,
 )
 
 LOCAL_TIME = (".asc", ".mf4")
@@ -117,19 +118,31 @@ def _read_file(
         stamp = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
         poses = read_table(pose_path, scene, naming, stamp, axes, {})
         notes += [*poses.notes, *_yaw_notes(pose_path, naming, axes, poses)]
-        notes += stamp_notes(runs_of(poses.stamp_ns), f"rows of {pose_path}")
+        run, pose_run = runs_of(table.stamp_ns), runs_of(poses.stamp_ns)
+        notes += row_notes(f"rows of {pose_path}", pose_run)
         shift = partial(_shift_advice, naming.of(stamp), path if strain else None, int(table.stamp_ns[0]))
-        notes += pose_notes(str(pose_path), scene.axes, table.stamp_ns, *poses[:2], max_gap_s, shift)
-        pair = partial(pair_recorded, scene.axes, table.stamp_ns, poses.stamp_ns, max_gap_s=max_gap_s)
-        position, found, run = pair(poses.position)
-        truth = None if (known := _truth(scene, poses)) is None else pair(known)[0]
+        in_order = pose_run != LATE
+        pose_ns, places = poses.stamp_ns[in_order], poses.position[in_order]
+        seen = Seen(scene.axes, table.stamp_ns[run != LATE], pose_ns, places, max_gap_s)
+        notes += pose_notes(str(pose_path), seen, shift)
+
+        def at_strain(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            def poses_of(number: int, stamp_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+                # Files do not say during which run of the poses strain arrived: in its own, or the only one.
+                rows = pose_run == (number if pose_run.max() else 0)
+                return poses.stamp_ns[rows], positions[rows]
+
+            return interpolate_runs(scene.axes, run, table.stamp_ns, poses_of, max_gap_s)
+
+        position, found = at_strain(poses.position)
+        truth = None if (known := _truth(scene, poses)) is None else at_strain(known)[0]
     status, unit = missing_status(table.strain, scene.layout), naming.strain_unit
     felt = table.beside[FELT] > 0.0 if FELT in table.beside else None
     samples = RecordedSweep(
         0, table.stamp_ns, position, table.strain, status, truth, 0, felt, strain_unit=unit
     )
-    sweeps, outside = cut(samples, run, label, found, detector)
-    notes += [*outside, *stamp_notes(run, f"rows of {path}")]
+    sweeps, of_rows = cut_rows(f"rows of {path}", samples, run, label, found, detector)
+    notes += of_rows
     beside_ns = poses.stamp_ns if pose_path else np.empty(0)
     if finding := _implausible_stamps(table.stamp_ns, beside_ns, naming.of("stamp_s")):
         notes.append(f"{path}: {finding}")

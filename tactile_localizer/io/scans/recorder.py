@@ -13,8 +13,8 @@ from tactile_localizer.io.recording import USABLE, RecordedSweep, screen
 from tactile_localizer.io.scans.sweep_files import OpenSweep
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.streams.coverage import Coverage
-from tactile_localizer.streams.sweep_detector import SweepDetector
-from tactile_localizer.streams.synchronization import Pair
+from tactile_localizer.streams.session import Pair
+from tactile_localizer.streams.sweep_detector import NO_SWEEP, SweepDetector
 
 StrainSample = tuple[np.ndarray, np.ndarray]
 """Strain voltages (C,), V, and status bits (F,)."""
@@ -60,7 +60,7 @@ class SweepRecorder:
         self._coverage = coverage
         self._on_change = on_change
         self._incomplete: deque[OpenSweep] = deque()  # of which the last may be active
-        self._detected = 0
+        self._detected = NO_SWEEP
         self._newest_ns = _BEFORE_ALL_NS
         self._batch: list[Pair[StrainSample]] = []
 
@@ -174,7 +174,8 @@ class SweepRecorder:
             self._restart()
         self._newest_ns = pair.stamp_ns
         if self._detector is not None and pair.position is not None:
-            self._follow(self._detector.update(pair.stamp_ns, pair.position), pair.stamp_ns)
+            detected = self._detector.update(pair.stamp_ns, pair.position, pair.run)
+            self._follow(detected, pair.stamp_ns)
         self._finish_until(pair.stamp_ns - 1)
         if self._incomplete and pair.stamp_ns > self._incomplete[0].after_ns:
             if pair.position is None:
@@ -189,7 +190,7 @@ class SweepRecorder:
             self._detected = detected
             if self.is_active:
                 self.end(stamp_ns - 1)
-            if detected:
+            if detected != NO_SWEEP:
                 self.start(stamp_ns - 1)
 
     def _restart(self) -> None:
@@ -197,8 +198,7 @@ class SweepRecorder:
         was_active = self.is_active
         self.close()
         if self._detector is not None:
-            self._detector.reset()
-            self._detected = 0
+            self._detected = NO_SWEEP
         elif was_active:
             self.start(_BEFORE_ALL_NS)
 
@@ -254,5 +254,5 @@ class SweepRecorder:
         try:
             yield
         except ScanError:
-            self._incomplete, self._batch, self._detected = deque(), [], 0
+            self._incomplete, self._batch, self._detected = deque(), [], NO_SWEEP
             raise

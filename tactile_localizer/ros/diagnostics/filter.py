@@ -64,15 +64,15 @@ class FilterDiagnostics:
         self, inputs: TactileInputs, online: OnlineLocalizer, problem: str, is_stale: bool
     ) -> DiagnosticStatus:
         """Status of the inputs: their ``problem``, empty if there is none; whether the estimate is stale."""
-        counts, pairing = online.counts, inputs.pairing
+        counts, session = online.counts, inputs.session
         losses = {
             **{f"strain vectors {what}": counts[what] for what in counts if what not in USED},
             **{f"invalid messages on {topic}": count for topic, count in inputs.invalid.items()},
             **{f"spikes in {gauge}": count for gauge, count in online.localizer.spikes.items()},
             "strain vectors lost in transport": inputs.lost,
-            "late messages": pairing.late,
-            "backward jumps of the stamps": pairing.resets,
-            "forward jumps of the stamps": pairing.forward_jumps,
+            "late messages": session.late,
+            "backward jumps of the stamps": session.resets,
+            "forward jumps of the stamps": session.forward_jumps,
         }
         values = {**{name: counts[name] for name in USED}, **losses, "last_error": online.last_error}
         message = "; ".join(filter(None, [problem, ", ".join(self._losses.describe(losses))]))

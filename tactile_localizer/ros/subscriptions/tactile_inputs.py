@@ -22,17 +22,14 @@ from tactile_localizer.ros.diagnostics.status import LargestRecent, publisher_na
 from tactile_localizer.ros.subscriptions.tf_poses import TfPoses
 from tactile_localizer.scene import Axis, Scene
 from tactile_localizer.streams.alternation import alternates
+from tactile_localizer.streams.arrivals import Arrivals
 from tactile_localizer.streams.delay import MOST_DELAY_S
+from tactile_localizer.streams.findings import CLOCKS, findings
 from tactile_localizer.streams.palm_frame import PalmFrame
-from tactile_localizer.streams.palm_motion import describe_motion
 from tactile_localizer.streams.runs import NANOSECONDS, stamp_of
+from tactile_localizer.streams.session import DEFAULT_PATIENCE_S, Pair, Session
 from tactile_localizer.streams.sources import describe_sources
-from tactile_localizer.streams.synchronization import (
-    DEFAULT_MAX_GAP_S,
-    DEFAULT_PATIENCE_S,
-    Pair,
-    Pairing,
-)
+from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S
 
 _Pairs = list[Pair[StrainSample]]
 
@@ -42,8 +39,8 @@ _POSES_PER_STRAIN = 10
 """Poses that wait for each strain vector that does: arms publish at up to 1 kHz, and no pose costs much."""
 _LONG_S = 0.1
 """Time that a message waits for this node from which it is behind, s (judgement)."""
-_POSES = 2000
-"""Number of poses whose motion is judged."""
+_POSES, _LEADS, _LATEST = 2000, 100, 4
+"""Numbers of poses whose motion is judged, of those whose clock is, and of those whose distance is."""
 _STRAINS = 200
 """Number of strain vectors that are compared with each other."""
 
@@ -104,9 +101,6 @@ FRAMES = (
 )
 """Source and frames of the poses."""
 
-_LONGEST_PERIOD_S = 10.0
-"""Time between two poses above which their stamps have jumped, s."""
-
 
 class TactileInputs:
     """Receives strain and palm poses, and passes on the pairs that they make; :meth:`start` it first.
@@ -118,7 +112,7 @@ class TactileInputs:
 
     Attributes
     ----------
-    pairing : pairing of the strain vectors with poses
+    session : pairs the strain vectors with poses
     received, invalid : numbers of messages and of invalid ones, by topic: ``strain`` and ``palm_pose``
     delay_ns : time by which the strain is late, subtracted from its stamps, ns
     problems : why the last message of a topic was invalid; without the topics whose last one was valid
@@ -146,16 +140,17 @@ class TactileInputs:
         self._axes, self._frame = scene.axes, self._palm_frame(scene.axes)
         self.delay_ns = round(parameters["strain_delay_s"] * NANOSECONDS)
         self._reader = StrainReader(scene)
-        self.pairing: Pairing[StrainSample] = Pairing(
-            scene.axes, max_gap_s=parameters["max_gap_s"], patience_s=parameters["patience_s"]
+        self.session: Session[StrainSample] = Session(
+            scene.axes,
+            max_gap_s=parameters["max_gap_s"],
+            patience_s=parameters["patience_s"],
+            arrivals=Arrivals(_POSES, _LEADS),
         )
         self.received: Counter[str] = Counter()
         self.invalid: Counter[str] = Counter()
-        self._ahead_ns: dict[str, int] = {}  # newest pose after the newest strain when a topic last arrived
         self._ahead_of_node_ns = LargestRecent(_CLOCKS_S)  # stamps of the strain on arrival
         self._ahead_of_sender_ns = LargestRecent(_CLOCKS_S)  # times of sending on arrival
         self._waits_ns = LargestRecent(_BEHIND_S)
-        self._motion: deque[tuple[int, np.ndarray]] = deque(maxlen=_POSES)
         self._frames: dict[str, set[str]] = {topic: set() for topic in INPUTS}
         self._recent: deque[np.ndarray] = deque(maxlen=_STRAINS)
         self.problems: dict[str, str] = {}
@@ -202,28 +197,18 @@ class TactileInputs:
     @property
     def newest_ns(self) -> int:
         """Stamp of the newest strain vector, ns; 0 before the first."""
-        return self.pairing.newest_ns or 0
+        return self.session.newest_ns or 0
 
-    def misalignment(self, tolerance_s: float) -> str:
-        """How far the stamps of poses are from those of the strain that arrives with them.
+    def finding(self, of: str = "", moves: bool = False) -> str:
+        """What is implausible about the clocks or the motion of the poses, in one line; empty if nothing is.
 
-        Empty within ``tolerance_s``, and while this node is behind. A topic that stops is not misaligned.
+        Parameters
+        ----------
+        of : :data:`.CLOCKS` or :data:`.MOTION`; empty: either
+        moves : whether it is implausible that the palm is at rest all the time
         """
-        if self.behind or len(self._ahead_ns) < 2:  # both topics
-            return ""
-        ahead_s = min(self._ahead_ns.values(), key=abs) / NANOSECONDS
-        if abs(ahead_s) <= tolerance_s:
-            return ""
-        way = "ahead of" if ahead_s > 0.0 else "behind"
-        return f"palm_pose: stamps are {abs(ahead_s):.1f} s {way} the strain"
-
-    def motion(self, moves: bool = False) -> str:
-        """What is implausible about the palm's motion, in one line; see :func:`.describe_motion`."""
-        if not self._motion:
-            return ""
-        stamp_ns, position = map(np.array, zip(*self._motion, strict=True))
-        text = describe_motion(self._axes, stamp_ns, position, moves)
-        return text and f"palm_pose: {text}"
+        seen = self.session.seen("max_gap_s")
+        return next((f"palm_pose: {each.text}" for each in findings(seen, of=of, live=True, moves=moves)), "")
 
     def mixed(self) -> str:
         """Two sources of one topic since the last call, in one line; empty without."""
@@ -260,17 +245,13 @@ class TactileInputs:
         return f"{text}: {of_tf.problem}" if of_tf and of_tf.problem else text
 
     def sparsity(self, age_s: float) -> str:
-        """Description of poses that are too far apart to be interpolated; empty if they are not.
+        """The finding about poses that are too far apart to be interpolated; empty if they are not.
 
         ``age_s`` is the time since the newest pose: poses that have stopped are absent.
         """
-        if len(self._motion) < 2:
-            return ""
-        max_gap_s = self._node.parameters["max_gap_s"]
-        period_s = (self._motion[-1][0] - self._motion[-2][0]) / NANOSECONDS
-        if not max(max_gap_s, age_s / 2) < period_s < _LONGEST_PERIOD_S:
-            return ""
-        return f"palm_pose at {1 / period_s:.2g} Hz, max_gap_s {max_gap_s:g}"
+        seen = self.session.seen("max_gap_s", latest=_LATEST)
+        spacing = [each for each in findings(seen, of=CLOCKS, live=True) if each.name == "spacing"]
+        return next((f"palm_pose: {f.text}" for f in spacing if age_s < 2 * f.value * seen.max_gap_s), "")
 
     def position(self, message: PoseStamped) -> np.ndarray:
         """The palm's position on the scene's axes, (d,), m (yaw: rad).
@@ -317,7 +298,7 @@ class TactileInputs:
         most = _POSES_PER_STRAIN * self._node.parameters["queue_depth"]
         for subscription in self._poses:
             for _ in range(most):
-                if not (self.pairing.waiting and self._take_next(subscription)):
+                if not (self.session.waiting and self._take_next(subscription)):
                     break
 
     def _on_strain(self, message: StrainVectors, info: Mapping[str, int]) -> None:
@@ -329,24 +310,18 @@ class TactileInputs:
         # Of a faster topic the executor leaves messages behind, and strain would not find its poses.
         self._take_poses()
 
-    def _add_strain(self, stamp_ns: int, sample: StrainSample) -> _Pairs:
+    def _add_strain(self, stamp_ns: int, sample: StrainSample, received_ns: int | None) -> None:
         self._recent.append(sample[0])
-        return self.pairing.add_strain(stamp_ns - self.delay_ns, sample)
+        # Where strain is known to be late, its stamps are ahead by as much: the clocks agree nevertheless.
+        received_ns = received_ns and received_ns - self.delay_ns
+        self.session.add_strain(stamp_ns - self.delay_ns, sample, received_ns)
 
     def _on_pose(self, message: PoseStamped, info: Mapping[str, int]) -> None:
         self._note_wait(info)
         self._add_pose(message)
 
     def _add_pose(self, message: PoseStamped) -> None:
-        self._take("palm_pose", message, self._add_position, self.position)
-
-    def _add_position(self, stamp_ns: int, position: np.ndarray) -> _Pairs:
-        pairs = self.pairing.add_pose(stamp_ns, position)
-        if self.pairing.newest_pose_ns == stamp_ns:  # it is not late
-            if self._motion and self._motion[-1][0] > stamp_ns:
-                self._motion.clear()
-            self._motion.append((stamp_ns, position))
-        return pairs
+        self._take("palm_pose", message, self.session.add_pose, self.position)
 
     def _note_wait(self, info: Mapping[str, int]) -> None:
         """Note how long a message has waited for this node: how much longer it was under way than others."""
@@ -355,18 +330,20 @@ class TactileInputs:
         self._waits_ns.add(self._ahead_of_sender_ns.largest - ahead_ns)
 
     def _take(
-        self, topic: str, message: Any, add: Callable[[int, Any], _Pairs], read: Callable[[Any], Any]
+        self,
+        topic: str,
+        message: Any,
+        add: Callable[[int, Any, int | None], None],
+        read: Callable[[Any], Any],
     ) -> None:
         """Pass on the pairs that a message completes, or reject it."""
         self.received[topic] += 1
+        received_ns = None if self.behind else time.time_ns()
         try:
-            pairs = add(stamp_of(message), read(message))
+            add(stamp_of(message), read(message), received_ns)
         except TactileLocalizerError as error:
             self.reject(topic, error)
         else:
             self.problems.pop(topic, None)
             self._frames[topic].add(message.header.frame_id)
-            strain_ns, pose_ns = self.pairing.newest_ns, self.pairing.newest_pose_ns
-            if strain_ns is not None and pose_ns is not None:
-                self._ahead_ns[topic] = pose_ns - strain_ns - self.delay_ns
-            self._on_pairs(pairs)
+            self._on_pairs(self.session.take())

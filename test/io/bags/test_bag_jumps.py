@@ -24,8 +24,8 @@ from tactile_localizer.io.strain_vectors import StrainReader
 from tactile_localizer.streams.coverage import Coverage
 from tactile_localizer.streams.palm_frame import PalmFrame
 from tactile_localizer.streams.runs import runs_of
+from tactile_localizer.streams.session import Session
 from tactile_localizer.streams.sweep_detector import SweepDetector
-from tactile_localizer.streams.synchronization import Pairing
 
 STATUS, POSTERIOR = "tactile_mapping/status", "tactile_filter/posterior"
 
@@ -51,20 +51,21 @@ def faulty_stream(rng):
 
 def record_live(path, happened, detector=None):
     """Record messages with the classes of the mapping node, in one sweep if none are detected."""
-    reader, frame, pairing = StrainReader(SCENE), PalmFrame(SCENE.axes), Pairing(SCENE.axes)
+    reader, frame, session = StrainReader(SCENE), PalmFrame(SCENE.axes), Session(SCENE.axes)
     with ScanWriter(path, SCENE) as writer:
         recorder = SweepRecorder(writer, detector, Coverage(SCENE))
         if detector is None:
             recorder.start(-1)
         for topic, _, message in happened:
             if topic == "strain":
-                recorder.take(pairing.add_strain(stamp_of(message), reader.read(message)))
+                session.add_strain(stamp_of(message), reader.read(message))
             else:
                 place = message.pose.position
                 with suppress(MeasurementError):
                     position = frame.position("material", (place.x, place.y, place.z), (0, 0, 0, 1))
-                    recorder.take(pairing.add_pose(stamp_of(message), position))
-        recorder.take(pairing.finish())
+                    session.add_pose(stamp_of(message), position)
+            recorder.take(session.take())
+        recorder.take(session.finish())
         recorder.close()
     return path
 

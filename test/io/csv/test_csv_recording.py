@@ -17,7 +17,7 @@ from tactile_localizer.io.csv.columns import (
 )
 from tactile_localizer.io.csv.recording import read_csv
 from tactile_localizer.scene import Axis, Phalanx, Scene
-from tactile_localizer.streams.synchronization import Pairing
+from tactile_localizer.streams.session import Session
 
 SCENE = Scene(
     "bump", (Axis("x", 0, 1), Axis("y", 0, 1)), (Phalanx("index", (0, 0)), Phalanx("middle", (0, 0)))
@@ -161,16 +161,18 @@ def test_poses_of_the_same_clock_are_not_to_be_shifted(tmp_path, poses, finding)
     st.lists(st.sampled_from([10, 10, 10, 20, 5000, 0, -30, -400, -700, -60_000]), min_size=1, max_size=60),
     st.booleans(),
 )
-def test_sweeps_and_pairs_are_those_of_the_live_pairing(tmp_path_factory, steps_ms, apart):
+def test_sweeps_and_pairs_are_those_of_the_live_session(tmp_path_factory, steps_ms, apart):
     """Whatever the stamps do: repeat, overtake each other, pause, or jump back."""
     folder = tmp_path_factory.mktemp("stream")
     stamps_ms = 100_000 + np.cumsum(steps_ms)
     rows = [[f"{ms / 1e3:.3f}", f"{0.001 * n:.4f}", *range(8)] for n, ms in enumerate(stamps_ms.tolist())]
-    pairing, live = Pairing(LINE.axes), []
+    session, live = Session(LINE.axes), []
     for ms, row in zip(stamps_ms.tolist(), rows, strict=True):
-        live += pairing.add_pose(ms * 10**6, np.array([float(row[1])]))
-        live += pairing.add_strain(ms * 10**6, None)
-    live = [pair for pair in live + pairing.finish() if pair.position is not None]
+        session.add_pose(ms * 10**6, np.array([float(row[1])]))
+        live += session.take()
+        session.add_strain(ms * 10**6, None)
+        live += session.take()
+    live = [pair for pair in live + session.finish() if pair.position is not None]
     touch, poses = write_csv(folder / "a.csv", HEADER, rows), []
     if apart:
         poses = [write_csv(folder / "b.csv", HEADER[:2], [row[:2] for row in rows])]

@@ -14,8 +14,8 @@ from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.status import MISSING
 from tactile_localizer.scene import Axis, Phalanx, Scene
 from tactile_localizer.streams.coverage import Coverage
+from tactile_localizer.streams.session import Pair
 from tactile_localizer.streams.sweep_detector import SweepDetector
-from tactile_localizer.streams.synchronization import Pair
 
 SCENE = Scene("line", (Axis("x", 0.0, 0.1),), (Phalanx("index", (0.0,)),))
 MS = 1_000_000
