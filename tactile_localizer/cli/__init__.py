@@ -20,7 +20,7 @@ from tactile_localizer.io.scans import FORMAT
 
 COMMANDS: dict[str, str] = {
     "demo": "scan a simulated feature and localize on it with all ROS 2 nodes running",
-    "import": "make a scan from recordings (CSV or rosbag2)",
+    "import": "make a scan from recordings (CSV, rosbag2, CAN logs)",
     "scan": "describe and plot a scan",
     "tradeoff": "measure accuracy against computing time of configurations, and choose one",
     "replay": "localize the palm in a recording, as the filter node would have",
