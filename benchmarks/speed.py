@@ -129,11 +129,10 @@ def command(tree: Path, *arguments: object) -> Cost:
 
 
 def cost(tree: Path, program: str, *arguments: object) -> Cost:
-    """Cost of a Python program."""
+    """Cost of a Python program, which imports what is in the folder where it is started, before all else."""
     line, environment = [sys.executable, "-c", program, *map(str, arguments)], os.environ.copy()
-    environment["PYTHONPATH"] = str(tree)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # else each process compiles the package anew
-    process = subprocess.Popen(line, env=environment, stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(line, cwd=tree, env=environment, stdout=subprocess.DEVNULL)
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     assert 0 <= process.returncode < 2, line  # 1: not every sweep is localized
@@ -201,7 +200,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE")
     given = parser.parse_args()
     trees = [_TREE, *filter(None, [given.beside])]
-    runs = [[commands(given.folder, tree) for tree in trees] for _ in range(given.repeat)]
+    runs = [[commands(given.folder.resolve(), tree) for tree in trees] for _ in range(given.repeat)]
     costs = [
         {name: Cost(*np.median([run[number][name] for run in runs], axis=0)) for name in runs[0][number]}
         for number in range(len(trees))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from recorded import white_noise_std, with_white_noise
+from speed import cost
 from support.sweeps import CALIBRATION
 
 from tactile_localizer.cli.simulate import write_csv
@@ -96,6 +97,15 @@ def test_speed_measures_what_a_user_waits_for(bump: Path, tmp_path: Path) -> Non
     assert values["learning and replay"] > 0.0
     assert values["import, learning and replay"] == values["import csv"] + values["learning and replay"]
     assert values["decoding"] > 0.0
+
+
+def test_speed_measures_the_tree_beside(tmp_path: Path) -> None:
+    for name in ("own", "beside"):
+        package = tmp_path / name / "tactile_localizer"
+        package.mkdir(parents=True)
+        (package / "__init__.py").write_text("open('imported', 'w')")
+    cost(tmp_path / "beside", "import tactile_localizer")
+    assert [path.parent.name for path in tmp_path.glob("*/imported")] == ["beside"]
 
 
 def test_delays_are_found_of_strokes_there_and_back(bump: Path, tmp_path: Path) -> None:
