@@ -1,6 +1,6 @@
 """From a scan, a scene and a configuration to a localizer that is ready to be fed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -9,7 +9,11 @@ import numpy as np
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import UNEXAMINED, examine, examine_position
 from tactile_localizer.core.calibration.registration import registration_std
-from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
+from tactile_localizer.core.calibration.sweep_model import (
+    SweepModel,
+    learn_sweep_model,
+    learn_sweep_models,
+)
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
 from tactile_localizer.core.filters.base import BayesFilter
 from tactile_localizer.core.filters.grid import GridFilter
@@ -107,8 +111,22 @@ def prepare(scan: Scan, scene: Scene, configuration: Configuration, calibration:
 def _prepared(
     learned: SweepModel, scene: Scene, configuration: Configuration, scan: Scan, still: np.ndarray
 ) -> Prepared:
-    cell = learned.cell(scene, configuration.cell)
-    return Prepared(scene, cell, learned.mixture(scene, cell), ScanRange.of(scan, scene), still)
+    none = np.zeros(len(learned.scan.tracks), dtype=bool)
+    return _prepared_without([none], learned, scene, configuration, scan, still)[0]
+
+
+def _prepared_without(
+    without: Sequence[np.ndarray],
+    learned: SweepModel,
+    scene: Scene,
+    configuration: Configuration,
+    scan: Scan,
+    still: np.ndarray,
+) -> list[Prepared]:
+    """The same, each with a map without some of the tracks (S,) bool."""
+    cell, bounds = learned.cell(scene, configuration.cell), ScanRange.of(scan, scene)
+    models = learned.mixtures(scene, cell, without)
+    return [Prepared(scene, cell, model, bounds, still) for model in models]
 
 
 def assemble(
@@ -155,12 +173,12 @@ def _calibrated(scan: Scan, scene: Scene, say: Progress) -> tuple[Calibration, S
     say("learning the noise", 0.0)
     # Of the level of a single sweep nothing is known.
     kinds = list(Material) if len(scan.sweep_numbers) > 1 else [Material.CLOTH]
-    models = [learn_sweep_model(scan, scene, kind) for kind in kinds]
+    models = learn_sweep_models(scan, scene, kinds)
 
-    def build(model: SweepModel, points: np.ndarray, within: Scene) -> Localizer:
+    def build(model: SweepModel, without: Sequence[np.ndarray], within: Scene) -> list[Localizer]:
         before = Calibration(prior, model.scan.material, model.variance)
-        prepared = _prepared(model.part(points), within, _EXAMINED, scan, still)
-        return assemble(prepared, _EXAMINED, before, np.random.default_rng(0))
+        prepared = _prepared_without(without, model, within, _EXAMINED, scan, still)
+        return [assemble(each, _EXAMINED, before, np.random.default_rng(0)) for each in prepared]
 
     say("examining the scan by held-out sweeps", begun)
     chosen, examination = examine(
@@ -224,11 +242,14 @@ def _position_model(
     if model.gives_length:
         return model, model.information_length
 
-    def build(learned: SweepModel, points: np.ndarray, within: Scene) -> Localizer:
-        kept = scan.sweep_numbers[np.unique(learned.scan.tracks.number[points])]
-        part = NamedModel(name, without.select(np.isin(scan.sweep, kept)), scene)
-        prepared = _prepared(learned.part(points), within, _EXAMINED, scan, still)
-        return assemble(prepared, _EXAMINED, calibration, np.random.default_rng(0), (part, UNEXAMINED))
+    def build(learned: SweepModel, out: Sequence[np.ndarray], within: Scene) -> list[Localizer]:
+        prepared = _prepared_without(out, learned, within, _EXAMINED, scan, still)
+        kept = [np.isin(scan.sweep, scan.sweep_numbers[~tracks]) for tracks in out]
+        parts = [NamedModel(name, without.select(rows), scene) for rows in kept]
+        return [
+            assemble(each, _EXAMINED, calibration, np.random.default_rng(0), (part, UNEXAMINED))
+            for each, part in zip(prepared, parts, strict=True)
+        ]
 
     doing = f"examining {name} by held-out sweeps"
     say(doing, LEARNED)

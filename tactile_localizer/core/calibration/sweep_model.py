@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,12 +10,12 @@ import numpy as np
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.drift import OUTLIER, Drift
 from tactile_localizer.core.likelihood.material import Material
-from tactile_localizer.core.likelihood.noise_model import WhitenedScan, whiten
+from tactile_localizer.core.likelihood.noise_model import Visits, WhitenedScan, whiten
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import (
     StrainMap,
     VarianceModel,
-    build_map,
+    build_maps,
     cell_size,
     fit_variance,
 )
@@ -37,8 +38,15 @@ class SweepModel(NamedTuple):
 
     def mixture(self, scene: Scene, cell: np.ndarray) -> SweepMixture:
         """The measurement model for cells (d,) of a grid."""
+        return self.mixtures(scene, cell, [np.zeros(len(self.scan.tracks), dtype=bool)])[0]
+
+    def mixtures(self, scene: Scene, cell: np.ndarray, without: Sequence[np.ndarray]) -> list[SweepMixture]:
+        """The same, each with a map without some of the tracks (S,) bool."""
+        tables = build_maps(self.scan, self.variance, scene, cell, without)
+        return [self._of_map(scene, table) for table in tables]
+
+    def _of_map(self, scene: Scene, table: StrainMap) -> SweepMixture:
         noise, material = self.scan.noise, self.scan.material
-        table = build_map(self.scan, self.variance, scene, cell)
         visit = float(np.median(table.variance))
         signal = float(np.square(table.mean[:, 0]).sum(axis=1).max())
         largest = OUTLIER * (signal + noise.layout.size * visit)
@@ -84,5 +92,12 @@ def learn_sweep_model(
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
-    whitened = whiten(scan, scene, material)
+    whitened = whiten(Visits.of(scan, scene), material)
     return SweepModel(whitened, variance or fit_variance(whitened))
+
+
+def learn_sweep_models(scan: Scan, scene: Scene, kinds: Sequence[Material]) -> list[SweepModel]:
+    """Those of several ``kinds`` of material, with the arguments and errors of :func:`learn_sweep_model`."""
+    visits = Visits.of(scan, scene)
+    scans = [whiten(visits, kind) for kind in kinds]
+    return [SweepModel(each, fit_variance(each)) for each in scans]

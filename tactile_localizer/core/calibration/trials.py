@@ -41,8 +41,8 @@ _ALIKE = 0.25
 _PERIOD_NS = 10_000_000
 """Time between two strains, ns: so slow that each update distance leads to a measurement update."""
 
-Build = Callable[[SweepModel, np.ndarray, Scene], Localizer]
-"""Makes a localizer of a model's ``points`` (n,) bool, over a scene."""
+Build = Callable[[SweepModel, Sequence[np.ndarray], Scene], list[Localizer]]
+"""Makes localizers over a scene, each on the map of a model without some of its tracks (S,) bool."""
 
 
 @dataclass(frozen=True)
@@ -200,14 +200,13 @@ def trials_on_map(count: int, model: SweepModel, build: Build, sweeps: Sequence[
     """``count`` sweeps from their start or from further on, each on the map without it."""
     rng = np.random.default_rng(0)
     tracks = model.scan.tracks
-    maps: dict[bytes, Localizer] = {}
-    localizers = []
+    without = []
     for place, sweep in enumerate(sweeps):
         others = [each.track for each in sweeps[place % _MAPS :: _MAPS]]
-        out = np.isin(np.arange(len(tracks)), others) if sweep.session is None else sweep.session
-        if (key := out.tobytes()) not in maps:
-            maps[key] = build(model, ~out[tracks.number], tracks.scene)
-        localizers.append(maps[key])
+        without.append(np.isin(np.arange(len(tracks)), others) if sweep.session is None else sweep.session)
+    maps, of_sweep = np.unique(without, axis=0, return_inverse=True)
+    made = build(model, list(maps), tracks.scene)
+    localizers = [made[number] for number in of_sweep.ravel().tolist()]
     for which, begins_late in _turns(count, len(sweeps), rng):
         begin = rng.uniform(0.15, 0.6) if begins_late else 0.0
         part = _part(sweeps[which], np.arange(len(sweeps[which].positions)), begin, tracks.scene)
@@ -226,7 +225,9 @@ def trials_off_map(count: int, model: SweepModel, build: Build, sweeps: Sequence
         kept = (tracks.positions[:, along] > middle) == side
         if kept.any() and not kept.all():
             within = surroundings(tracks.scene, tracks.positions[kept])
-            localizers.append((side, build(model, kept, within)))
+            half = model.part(kept)
+            none = np.zeros(len(half.scan.tracks), dtype=bool)
+            localizers += [(side, localizer) for localizer in build(half, [none], within)]
     if not localizers:
         return
     for which, way in _turns(count, len(sweeps), rng):

@@ -3,6 +3,8 @@
 The map, the alternatives to it and the level of a sweep all use this noise model.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -99,20 +101,43 @@ class WhitenedScan(NamedTuple):
     signal: np.ndarray
 
 
-def whiten(scan: Scan, scene: Scene, material: Material) -> WhitenedScan:
-    """Estimate the noise of one visit from how the sweeps of a scan of a ``material`` differ.
+class Visits(NamedTuple):
+    """The sweeps of a scan side by side, before anything is assumed of the kind of the material.
 
-    Raises
-    ------
-    SceneError
-        The scene names an axis or a phalanx that the scan does not have.
+    Parameters
+    ----------
+    tracks, spacing, held_out : as in :class:`WhitenedScan`
+    white : white noise of its channels
+    resolution : (C,) V, of its channels
+    directions : (W, C) of the strain, in which the sweeps vary most
+    back : (C, W) from these to the channels
+    layout : directions by phalanx
     """
-    tracks = Tracks.of(scan, scene)
-    spacing = line_spacing(tracks)
-    held_out = hold_out(tracks, spacing) if len(tracks) > 1 else None
-    white, resolution = white_noise(scan, scene), _resolution(scan.strain_on(scene))
-    directions, back, layout = _directions(tracks, np.hypot(np.sqrt(white.variance[0]), resolution))
-    return _whitened(tracks, spacing, held_out, white, resolution, directions, back, layout, material)
+
+    tracks: Tracks
+    spacing: float
+    held_out: HeldOut | None
+    white: WhiteNoise
+    resolution: np.ndarray
+    directions: np.ndarray
+    back: np.ndarray
+    layout: ChannelLayout
+
+    @classmethod
+    def of(cls, scan: Scan, scene: Scene) -> Visits:
+        """Those of a scan.
+
+        Raises
+        ------
+        SceneError
+            The scene names an axis or a phalanx that the scan does not have.
+        """
+        tracks = Tracks.of(scan, scene)
+        spacing = line_spacing(tracks)
+        held_out = hold_out(tracks, spacing) if len(tracks) > 1 else None
+        white, resolution = white_noise(scan, scene), _resolution(scan.strain_on(scene))
+        directions = _directions(tracks, np.hypot(np.sqrt(white.variance[0]), resolution))
+        return cls(tracks, spacing, held_out, white, resolution, *directions)
 
 
 def _directions(tracks: Tracks, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray, ChannelLayout]:
@@ -135,18 +160,9 @@ def _directions(tracks: Tracks, unit: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return directions, back.T, layout
 
 
-def _whitened(
-    tracks: Tracks,
-    spacing: float,
-    held_out: HeldOut | None,
-    white: WhiteNoise,
-    resolution: np.ndarray,
-    directions: np.ndarray,
-    back: np.ndarray,
-    layout: ChannelLayout,
-    material: Material,
-) -> WhitenedScan:
-    """A scan of a material, whitened; its channels have the ``resolution`` (C,), V."""
+def whiten(visits: Visits, material: Material) -> WhitenedScan:
+    """Estimate the noise of one visit from how the sweeps of a scan of a ``material`` differ."""
+    tracks, spacing, held_out, white, resolution, directions, back, layout = visits
     number, pitch, sheet = tracks.number, tracks.pitch, material is Material.SHEET
     felt, resolution = tracks.strain @ directions.T, np.sqrt(np.square(directions) @ resolution**2)
     middle = np.array([np.median(felt[own], axis=0) for own in tracks.slices])

@@ -1,5 +1,6 @@
 """Tables of the expected strain and its variance on a lattice, computed once per scan."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import WhitenedScan
 from tactile_localizer.core.likelihood.student_t import log_density, mahalanobis, weight
-from tactile_localizer.core.scan.interpolation import Expectation, interpolate, tiles
+from tactile_localizer.core.scan.interpolation import Expectation, interpolations, tiles
 from tactile_localizer.core.scan.tracks import PITCH
 from tactile_localizer.scene import Scene
 
@@ -180,13 +181,14 @@ def _fitted(
     return VarianceModel(*(counts * factors).tolist())
 
 
-def build_map(
+def build_maps(
     scan: WhitenedScan,
     variance: VarianceModel,
     scene: Scene,
     cell: np.ndarray,
-) -> StrainMap:
-    """Tables for a filter whose cells have the size ``cell`` (d,).
+    without: Sequence[np.ndarray],
+) -> list[StrainMap]:
+    """Tables for a filter whose cells have the size ``cell`` (d,), each without some of the tracks (S,) bool.
 
     Each place has as many components as pairs of tracks are near it.
     """
@@ -197,16 +199,19 @@ def build_map(
     origin = scene.lower + 0.5 * step
     axes = [first + size * np.arange(count) for first, size, count in zip(origin, step, shape, strict=True)]
     places = flatten_axes(axes)
-    tables: list[np.ndarray] = []
+    tables: list[list[np.ndarray]] = [[] for _ in without]
     for part in tiles(places * levers(scene)):
-        interpolation = interpolate(scan.tracks, places[part], scan.spacing)
-        expected = interpolation.expected(scan.signal)
-        spread = variance.variance(expected, scan.noise.layout)
-        found = (expected.mean, spread, expected.log_prior)
-        if not tables:
-            tables = [np.empty((len(places), *each.shape[1:]), dtype=np.float32) for each in found]
-        for table, each in zip(tables, found, strict=True):
-            table[part] = each
-    mean, spread, prior = tables
+        each_without = interpolations(scan.tracks, places[part], scan.spacing, without)
+        for own, interpolation in zip(tables, each_without, strict=True):
+            expected = interpolation.expected(scan.signal)
+            spread = variance.variance(expected, scan.noise.layout)
+            found = (expected.mean, spread, expected.log_prior)
+            if not own:
+                own += [np.empty((len(places), *each.shape[1:]), dtype=np.float32) for each in found]
+            for table, each in zip(own, found, strict=True):
+                table[part] = each
     by_axis = np.outer([name == "yaw" for name in scene.axis_names], scan.noise.turning)
-    return StrainMap(origin, step, shape, mean, spread, prior, variance.gain, by_axis)
+    return [
+        StrainMap(origin, step, shape, mean, spread, prior, variance.gain, by_axis)
+        for mean, spread, prior in tables
+    ]

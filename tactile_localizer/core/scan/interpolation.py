@@ -6,7 +6,7 @@ volts, without their levels, or whitened.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -141,10 +141,27 @@ def interpolate(
     are up to :data:`PAIRS` pairs of tracks, each interpolated linearly. ``spacing`` is that of the lines, m;
     the tracks ``without`` (S,) bool are left out.
     """
-    kept = np.arange(len(tracks)) if without is None else np.flatnonzero(~without)
-    repeats = tracks.scene.dimension == 1 or len(kept) == 1
-    feet = _project(tracks, places, kept, every=repeats)
-    return _repeats(feet) if repeats else _pairs(feet, max(spacing, PITCH))
+    none = np.zeros(len(tracks), dtype=bool)
+    return next(interpolations(tracks, places, spacing, [none if without is None else without]))
+
+
+def interpolations(
+    tracks: Tracks, places: np.ndarray, spacing: float, without: Sequence[np.ndarray]
+) -> Iterator[Interpolation]:
+    """The same without each of several sets of tracks (S,) bool; one search serves all that are small."""
+    most, searched = _NEAREST + max(int(np.count_nonzero(out)) for out in without), None
+    if len(without) > 1 and most <= 2 * _NEAREST and tracks.scene.dimension > 1:
+        searched = _project(tracks, places, np.arange(len(tracks)), most)
+    for out in without:
+        kept = np.flatnonzero(~out)
+        if tracks.scene.dimension == 1 or len(kept) == 1:
+            yield _repeats(_project(tracks, places, kept, None))
+            continue
+        if searched is None:
+            feet = _project(tracks, places, kept, _NEAREST)
+        else:
+            feet = searched.of(~out[tracks.number[searched.points[0]]], min(_NEAREST, len(kept)))
+        yield _pairs(feet, max(spacing, PITCH))
 
 
 def tiles(points: np.ndarray) -> Iterator[np.ndarray]:
@@ -161,8 +178,6 @@ def tiles(points: np.ndarray) -> Iterator[np.ndarray]:
 class _Projections(NamedTuple):
     """Feet of the perpendiculars from M places on the T nearest tracks, between two points of each track.
 
-    T is at most :data:`_NEAREST`, on one axis all tracks.
-
     Parameters
     ----------
     offset : (d, M, T) m, of the foot from the place
@@ -176,10 +191,16 @@ class _Projections(NamedTuple):
     points: np.ndarray
     weights: np.ndarray
 
+    def of(self, kept: np.ndarray, count: int) -> _Projections:
+        """The first ``count`` of those that are ``kept`` (M, T) bool, at least so many of each place."""
+        chosen = np.argsort(~kept, axis=1, kind="stable")[:, :count]
+        rows = np.arange(len(chosen))[:, None]
+        return _Projections(*(each[..., rows, chosen] for each in self))
 
-def _project(tracks: Tracks, places: np.ndarray, kept: np.ndarray, every: bool) -> _Projections:
-    """Feet of ``places`` (M, d) on the nearest of the tracks ``kept``, or on all of them."""
-    _, point = tracks.nearest(places, kept, None if every else _NEAREST)
+
+def _project(tracks: Tracks, places: np.ndarray, kept: np.ndarray, most: int | None) -> _Projections:
+    """Feet of ``places`` (M, d) on the nearest of the tracks ``kept``, so many, or all of them."""
+    _, point = tracks.nearest(places, kept, most)
     first = tracks.starts[tracks.number[point]]
     last = first + tracks.counts[tracks.number[point]] - 1
     joined, apart = tracks.in_metres, tracks.apart

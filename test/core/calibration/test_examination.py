@@ -1,6 +1,7 @@
 """The examination of a scan by its own sweeps."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -111,8 +112,9 @@ def without_localizing(models: list[SweepModel]) -> tuple[Material, Examination]
     """The chosen kind and the examination, where the test gives the outcomes of the trials."""
     criteria = SimpleNamespace(radius=np.full(2, 0.0075))
 
-    def build(model: SweepModel, _: np.ndarray, __: Scene) -> Any:
-        return SimpleNamespace(model=SimpleNamespace(material=model.scan.material), criteria=criteria)
+    def build(model: SweepModel, without: Sequence[np.ndarray], _: Scene) -> Any:
+        one = SimpleNamespace(model=SimpleNamespace(material=model.scan.material), criteria=criteria)
+        return [one] * len(without)
 
     chosen, examination = examine(scan(0.15), models, build)
     return list(Material)[chosen], examination

@@ -1,5 +1,6 @@
 """Held-out sweeps, and the maps on which they are localized."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,9 +38,9 @@ def test_a_sweep_is_localized_without_its_session_where_another_lies_on_its_way(
     of_second = scan.sweep_numbers[scan.sweep_numbers >= scan.sessions[1]]
     model = learn_sweep_model(scan, SHEET, Material.SHEET)
 
-    def build(_: SweepModel, points: np.ndarray, __: Scene) -> np.ndarray:
-        """In place of a localizer the numbers of the sweeps that it knows."""
-        return scan.sweep_numbers[np.unique(model.scan.tracks.number[points])]
+    def build(_: SweepModel, without: Sequence[np.ndarray], __: Scene) -> list[np.ndarray]:
+        """In place of localizers the numbers of the sweeps that they know."""
+        return [scan.sweep_numbers[~out] for out in without]
 
     sweeps = held_out(scan, model.scan.tracks, model.scan.spacing)
     for trial in trials_on_map(48, model, build, sweeps):  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from support.scans import bump_scan, slides
 
 from tactile_localizer.core.likelihood.drift import innovations
 from tactile_localizer.core.likelihood.material import Material
-from tactile_localizer.core.likelihood.noise_model import WhitenedScan, whiten
+from tactile_localizer.core.likelihood.noise_model import Visits, WhitenedScan, whiten
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Axis, Phalanx, Region, Scene
 
@@ -39,12 +39,12 @@ def cloth(repeats: int = 3, seed: int = 0, volts: float = 1.0) -> Scan:
 
 def as_cloth(scan: Scan, scene: Scene = CLOTH) -> WhitenedScan:
     """Whitened as a scan whose level wanders."""
-    return whiten(scan, scene, Material.CLOTH)
+    return whiten(Visits.of(scan, scene), Material.CLOTH)
 
 
 def as_sheet(scan: Scan, scene: Scene = SHEET) -> WhitenedScan:
     """Whitened as a scan whose level is constant."""
-    return whiten(scan, scene, Material.SHEET)
+    return whiten(Visits.of(scan, scene), Material.SHEET)
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,8 @@ def as_sheet(scan: Scan, scene: Scene = SHEET) -> WhitenedScan:
 )
 def test_a_large_constant_in_a_channel_changes_nothing(made: Scan, scene: Scene, material: Material) -> None:
     constant = np.full(8, 3e9)  # of noise 1
-    plain, moved = (whiten(replace(made, strain=made.strain + c), scene, material) for c in (0.0, constant))
+    scans = [replace(made, strain=made.strain + each) for each in (0.0, constant)]
+    plain, moved = (whiten(Visits.of(scan, scene), material) for scan in scans)
     np.testing.assert_allclose(moved.noise.centre - constant, plain.noise.centre, atol=1e-3)
     np.testing.assert_allclose(moved.signal, plain.signal, atol=1e-2)
 
@@ -188,5 +189,5 @@ def test_the_variance_of_a_channel_counts_the_directions_that_are_left_out() -> 
     scene = Scene("line", (Axis("x", 0.0, LENGTH, 0.003),), (phalanx,))
     rng, x = np.random.default_rng(0), np.arange(0.0, LENGTH, 0.0005)
     felt = [rng.standard_normal((len(x), 32)) for _ in range(3)]
-    variance = whiten(slides(scene, x, felt), scene, Material.CLOTH).noise.variance
+    variance = whiten(Visits.of(slides(scene, x, felt), scene), Material.CLOTH).noise.variance
     np.testing.assert_allclose(variance, 1.0, rtol=0.5)

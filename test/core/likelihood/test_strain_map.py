@@ -11,11 +11,12 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.lattice import flatten_axes
 from tactile_localizer.core.geometry.motion import YAW_LEVER
 from tactile_localizer.core.likelihood.material import Material
-from tactile_localizer.core.likelihood.noise_model import whiten
+from tactile_localizer.core.likelihood.noise_model import Visits, whiten
 from tactile_localizer.core.likelihood.strain_map import (
     MOST_CELLS_IN_SPACE,
+    StrainMap,
     VarianceModel,
-    build_map,
+    build_maps,
     cell_size,
     fit_variance,
 )
@@ -47,9 +48,15 @@ def repeats(correlation: float, seed: int = 0) -> Scan:
     return slides(LINE, x, strain)
 
 
+def of_all(cell: np.ndarray) -> StrainMap:
+    """Tables of the scan, for cells (d,)."""
+    (table,) = build_maps(SCAN, VarianceModel(), PLANE, cell, [np.zeros(len(SCAN.tracks), dtype=bool)])
+    return table
+
+
 def test_tables_hold_the_expectation_at_the_nodes() -> None:
     """Of strains that are linear in the place, whose mean is exact between any two lines."""
-    table = build_map(SCAN, VarianceModel(), PLANE, np.array([0.001, 0.002]))
+    table = of_all(np.array([0.001, 0.002]))
     axes = [o + s * np.arange(n) for o, s, n in zip(table.origin, table.step, table.shape, strict=True)]
     nodes = flatten_axes(axes)
     inner = ((nodes > SPACING) & (nodes < SIDE - SPACING)).all(axis=1)
@@ -62,7 +69,7 @@ def test_tables_hold_the_expectation_at_the_nodes() -> None:
 
 @given(st.lists(st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1)), min_size=1, max_size=20))
 def test_every_state_has_a_nearest_node(states: list[tuple[float, float]]) -> None:
-    table = build_map(SCAN, VarianceModel(), PLANE, np.full(2, 0.005))
+    table = of_all(np.full(2, 0.005))
     index = table.nearest(np.array(states))
     node = table.origin + table.step * np.stack(np.unravel_index(index, table.shape), axis=1)
     inside = np.clip(states, PLANE.lower, PLANE.upper)
@@ -85,7 +92,7 @@ def test_cells_on_three_axes_are_limited_in_number() -> None:
 
 def test_the_variance_of_white_noise_is_one() -> None:
     scan = repeats(correlation=1e-9)
-    fitted = fit_variance(whiten(scan, LINE, Material.CLOTH))
+    fitted = fit_variance(whiten(Visits.of(scan, LINE), Material.CLOTH))
     assert fitted.visit == pytest.approx(1.0, rel=0.25)
     assert fitted.signal == 0.0, "the material has no zero to measure a signal from"
 
@@ -106,7 +113,8 @@ def test_on_cloth_the_noise_of_a_visit_explains_what_differs_with_the_signal() -
 
 def test_a_single_sweep_has_the_default_variance() -> None:
     scan = repeats(1e-9)
-    assert fit_variance(whiten(scan.select(scan.sweep == 0), LINE, Material.CLOTH)) == VarianceModel()
+    single = Visits.of(scan.select(scan.sweep == 0), LINE)
+    assert fit_variance(whiten(single, Material.CLOTH)) == VarianceModel()
 
 
 def test_where_both_lines_are_featureless_the_map_has_no_noise() -> None:

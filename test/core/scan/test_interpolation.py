@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from support.scans import raster
 
 from tactile_localizer.core.geometry.motion import YAW_LEVER
-from tactile_localizer.core.scan.interpolation import hold_out, interpolate, tiles
+from tactile_localizer.core.scan.interpolation import hold_out, interpolate, interpolations, tiles
 from tactile_localizer.core.scan.tracks import Tracks
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
@@ -55,6 +55,17 @@ def test_a_track_that_is_held_out_is_not_interpolated_from() -> None:
     best = held_out.interpolation.best(2)
     np.testing.assert_array_equal(best.points, held_out.interpolation.points[:, :2])
     np.testing.assert_allclose(np.exp(best.log_prior).sum(axis=1), 1.0)
+
+
+@given(st.lists(st.sets(st.integers(0, 9), max_size=9), min_size=1, max_size=4))
+def test_one_search_leaves_out_each_of_several_sets_of_tracks(left_out: list[set[int]]) -> None:
+    places, without = inside(40), [np.isin(np.arange(10), [*each]) for each in left_out]
+    for out, found in zip(without, interpolations(LINES, places, SPACING, without), strict=True):
+        kept, _ = LINES.part(~out[LINES.number])
+        alone = interpolate(kept, places, SPACING)
+        expected = alone.expected(LINES.strain[~out[LINES.number]])
+        for one, two in zip(found.expected(LINES.strain), expected, strict=True):
+            np.testing.assert_array_equal(one, two)
 
 
 def test_repeats_on_one_axis_are_averaged() -> None:
