@@ -5,7 +5,6 @@ Publishes ``~/status`` and ``~/map`` (latched) and ``/diagnostics`` at 1 Hz. ``~
 the scan examines itself, and the log says what it is good for.
 """
 
-import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -41,7 +40,12 @@ from tactile_localizer.streams.coverage import SWEEP_DISTANCE_M, Coverage
 from tactile_localizer.streams.findings import CLOCKS, MOTION
 from tactile_localizer.streams.runs import NANOSECONDS
 from tactile_localizer.streams.session import Pair
-from tactile_localizer.streams.sweep_detector import DEFAULT_REST_S, DEFAULT_REVERSAL_M, SweepDetector
+from tactile_localizer.streams.sweep_detector import (
+    DEFAULT_REST_S,
+    DEFAULT_REVERSAL_M,
+    NO_SWEEP,
+    SweepDetector,
+)
 
 PARAMETERS = (
     Parameter("scan_file", "", "Scan (folder) to record to; an existing one is continued", at_start=True),
@@ -99,7 +103,9 @@ class MappingNode(ManagedNode):
         self._coverage = Coverage(self._scene, parameters["sweep_distance_m"])
         store = ScanWriter(parameters["scan_file"], self._scene)
         self.defer(store.close)
-        self._recorder = SweepRecorder(store, self._detector(), self._coverage, self._publish_status)
+        self._detector = self._new_detector()
+        detects = self._detector is not None
+        self._recorder = SweepRecorder(store, detects, self._coverage, self._publish_status)
         delay = {STRAIN_DELAY: parameters["strain_delay_s"]} if parameters["strain_delay_s"] else {}
         sessions = {SESSIONS: [store.last_number + 1]}
         store.note("record", node=self.get_fully_qualified_name(), **sessions, **delay)
@@ -109,7 +115,7 @@ class MappingNode(ManagedNode):
 
     def activate(self) -> None:
         """Subscribe to strain and poses; create the services and timers."""
-        self._inputs.start(self._scene)
+        self._inputs.start(self._scene, self._detector)
         self.defer(self._end_recording)
         self._rate = 0.0
         self._last_sweep: int | None = None
@@ -165,7 +171,7 @@ class MappingNode(ManagedNode):
         if self._recorder.pairs:
             self._map.publish_folder(self._recorder.store.path)
 
-    def _detector(self) -> SweepDetector | None:
+    def _new_detector(self) -> SweepDetector | None:
         parameters = self.parameters
         if parameters["sweep_detection"] == "off":
             return None
@@ -181,12 +187,12 @@ class MappingNode(ManagedNode):
         self._answer_endings()
 
     def _commit(self) -> None:
-        self._try_to_write(self._recorder.settle, self._inputs.session.settled_ns)
+        self._try_to_write(self._recorder.settle, self._inputs.session.settled)
         self._answer_endings()
         for ending in [each for each in self._ending if time.monotonic() > each.deadline_s]:
             self._inputs.take_waiting()
             self._try_to_write(self._recorder.take, self._inputs.session.finish(ending.until_ns))
-            self._try_to_write(self._recorder.settle, math.inf)
+            self._try_to_write(self._recorder.settle)
             self._answer_endings(max(ending.until_ns - self._inputs.newest_ns, 0) / NANOSECONDS)
         previous, self._last_sweep = self._last_sweep, self._recorder.incomplete
         if previous is not None and previous != self._last_sweep:
@@ -204,7 +210,10 @@ class MappingNode(ManagedNode):
         after_ns = self._inputs.present_ns()
         for reason in self._inputs.problems.values():
             raise ScanError(f"start sweep: {reason}")
-        response.message = f"sweep {self._recorder.start(after_ns)} started"
+        session = self._inputs.session
+        number = self._recorder.start(session.run, after_ns)
+        session.mark(session.run, after_ns, number)
+        response.message = f"sweep {number} started"
         response.success = True
         self._write_error = ""
         self.get_logger().info(response.message)
@@ -215,7 +224,9 @@ class MappingNode(ManagedNode):
         self._require_requests()
         until_ns = self._inputs.present_ns()
         self._require_written()
-        sweep = self._recorder.end(until_ns)
+        session = self._inputs.session
+        sweep = self._recorder.end(session.run, until_ns)
+        session.mark(session.run, until_ns, NO_SWEEP)
         written: Future = Future(executor=self.executor)
         written.add_done_callback(lambda done: None)  # wakes the executor
         deadline_s = time.monotonic() + self.parameters["patience_s"] + 2 * _COMMIT_PERIOD_S
@@ -239,7 +250,7 @@ class MappingNode(ManagedNode):
 
     def _require_requests(self) -> None:
         """Require that sweeps are not detected in the motion."""
-        if self.parameters["sweep_detection"] != "off":
+        if self._detector is not None:
             raise ScanError(f"expected sweep_detection off, found {self.parameters['sweep_detection']}")
 
     def _statuses(self) -> list[DiagnosticStatus]:

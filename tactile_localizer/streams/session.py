@@ -131,11 +131,11 @@ class Session(Generic[T]):
         return max(self.newest_ns or 0, self.newest_pose_ns or 0)
 
     @property
-    def settled_ns(self) -> int:
-        """Stamp up to which each strain vector that has arrived is in a pair, ns; -1 before the first."""
+    def settled(self) -> tuple[int, int]:
+        """Run and stamp, ns, up to which all strain that has arrived is in pairs; -1 before the first."""
         if self._waiting:
-            return self._waiting[0].stamp_ns - 1
-        return -1 if self.newest_ns is None else self.newest_ns
+            return self._waiting[0].run, self._waiting[0].stamp_ns - 1
+        return self.run, -1 if self.newest_ns is None else self.newest_ns
 
     @property
     def waiting(self) -> int:

@@ -36,11 +36,11 @@ def test_a_strain_vector_waits_for_the_pose_that_follows_it():
     assert pose(session, 100, 0.1) == []
     assert strain(session, 105) == []
     assert strain(session, 115) == []
-    assert session.settled_ns == 105 * MS - 1
+    assert session.settled == (0, 105 * MS - 1)
     assert session.newest_input_ns == session.newest_ns == 115 * MS
     assert pose(session, 110, 0.2) == [(105, 0.15)]
     assert pose(session, 120, 0.3) == [(115, 0.25)]
-    assert session.settled_ns == 115 * MS
+    assert session.settled == (0, 115 * MS)
     assert session.newest_input_ns == session.newest_pose_ns == 120 * MS
 
 

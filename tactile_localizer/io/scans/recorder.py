@@ -1,4 +1,4 @@
-"""Live recording of sweeps: assigns incoming pairs to sweeps by their stamps and stores them."""
+"""Live recording: stores the pairs of a session by sweep."""
 
 import math
 from collections import deque
@@ -14,25 +14,24 @@ from tactile_localizer.io.scans.sweep_files import OpenSweep
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.streams.coverage import Coverage
 from tactile_localizer.streams.session import Pair
-from tactile_localizer.streams.sweep_detector import NO_SWEEP, SweepDetector
+from tactile_localizer.streams.sweep_detector import NO_SWEEP
 
 StrainSample = tuple[np.ndarray, np.ndarray]
 """Strain voltages (C,), V, and status bits (F,)."""
 
-_BEFORE_ALL_NS = -1
-"""A stamp earlier than that of any sample, ns."""
+_END = math.inf, math.inf
+"""Run and stamp after all samples."""
 
 
 class SweepRecorder:
     """Records sweeps that are requested, or that are detected in the motion.
 
-    A sweep is an interval of time: what is stamped within it belongs to it, whenever it arrives, also after
-    the sweep has ended. Importing a bag of the same topics gives the same scan.
+    The session says which sweep a pair is in. Importing a bag of the same topics gives the same scan.
 
     Parameters
     ----------
     store : scan to record to
-    detector : detects the sweeps; ``None``: :meth:`start` and :meth:`end` begin and end them
+    detects : whether the session detects the sweeps; if not, :meth:`start` and :meth:`end` begin and end them
     coverage : updated with the pairs of the scan, and with those that are recorded
     on_change : called with the stamp, ns, after which a sweep begins or ends
 
@@ -47,7 +46,7 @@ class SweepRecorder:
     def __init__(
         self,
         store: ScanWriter,
-        detector: SweepDetector | None,
+        detects: bool,
         coverage: Coverage,
         on_change: Callable[[int], None] = lambda stamp_ns: None,
     ) -> None:
@@ -56,18 +55,18 @@ class SweepRecorder:
         self.gaps = self.skipped = 0
         for sweep in self._count():
             coverage.add(sweep.position)
-        self._detector = detector
+        self._detects = detects
         self._coverage = coverage
         self._on_change = on_change
         self._incomplete: deque[OpenSweep] = deque()  # of which the last may be active
-        self._detected = NO_SWEEP
-        self._newest_ns = _BEFORE_ALL_NS
+        self._label: tuple[int, int] | None = None  # run and sweep of the newest pair
+        self._newest = 0, -1
         self._batch: list[Pair[StrainSample]] = []
 
     @property
     def is_active(self) -> bool:
         """Whether a sweep is open."""
-        return bool(self._incomplete) and self._incomplete[-1].until_ns is None
+        return bool(self._incomplete) and self._incomplete[-1].until is None
 
     @property
     def began_ns(self) -> int | None:
@@ -79,8 +78,10 @@ class SweepRecorder:
         """Number of the oldest sweep that is not complete, because samples wait for poses or it is open."""
         return self._incomplete[0].number if self._incomplete else None
 
-    def start(self, after_ns: int) -> int:
-        """Open a sweep of the samples with stamps later than ``after_ns``; returns its number.
+    def start(self, run: int, after_ns: int, label: tuple[int, int] | None = None) -> int:
+        """Open a sweep of the samples after a stamp of a run of the session, ns; returns its number.
+
+        The session is to label its pairs with the number, unless they have another ``label``.
 
         Raises
         ------
@@ -89,14 +90,16 @@ class SweepRecorder:
         """
         if self.is_active:
             raise ScanError(f"start sweep: expected no active sweep, found sweep {self.number}")
-        self._incomplete.append(self.store.begin_sweep(after_ns))
-        self.number = self._incomplete[-1].number
+        sweep = self.store.begin_sweep(after_ns)
+        sweep.label = label or (run, sweep.number)
+        self._incomplete.append(sweep)
+        self.number = sweep.number
         self.sweeps += 1
         self._on_change(after_ns)
         return self.number
 
-    def end(self, until_ns: int) -> OpenSweep:
-        """End the open sweep with the sample at stamp ``until_ns``; :meth:`settle` completes it.
+    def end(self, run: int, until_ns: int) -> OpenSweep:
+        """End the open sweep with the sample at a stamp of a run, ns; :meth:`settle` completes it.
 
         Raises
         ------
@@ -105,7 +108,7 @@ class SweepRecorder:
         """
         if not self.is_active:
             raise ScanError("end sweep: expected an active sweep, found none")
-        self._incomplete[-1].until_ns = until_ns
+        self._incomplete[-1].until = run, until_ns
         self._on_change(until_ns)
         return self._incomplete[-1]
 
@@ -118,8 +121,8 @@ class SweepRecorder:
 
         Parameters
         ----------
-        pairs : in the order of their stamps. A backward jump of the stamps ends the sweep and, without a
-            detector, opens another
+        pairs : in the order of the session. A backward jump of the stamps ends the sweep and, unless sweeps
+            are detected, opens another
 
         Raises
         ------
@@ -130,14 +133,14 @@ class SweepRecorder:
             for pair in pairs:
                 self._place(pair)
 
-    def settle(self, settled_ns: float) -> None:
+    def settle(self, settled: tuple[float, float] = _END) -> None:
         """Write the pairs, and complete each sweep that has ended and of which no sample can follow.
 
         Call this at least every 0.25 s.
 
         Parameters
         ----------
-        settled_ns : stamp up to which all samples were given to :meth:`take`
+        settled : run and stamp, ns, up to which all samples were given to :meth:`take`
 
         Raises
         ------
@@ -147,7 +150,7 @@ class SweepRecorder:
             another one.
         """
         with self._abandoning():
-            self._finish_until(settled_ns)
+            self._finish_until(settled)
             self._flush()
             self._require_in_place(self._incomplete)
 
@@ -160,8 +163,9 @@ class SweepRecorder:
             The scan cannot be written.
         """
         if self.is_active:
-            self.end(self._newest_ns)
-        self.settle(math.inf)
+            self.end(*self._newest)
+        self.settle()
+        self._label = None
 
     def _count(self) -> Sequence[RecordedSweep]:
         """Count the sweeps and pairs in the scan, which are returned."""
@@ -170,37 +174,26 @@ class SweepRecorder:
         return known
 
     def _place(self, pair: Pair[StrainSample]) -> None:
-        if pair.stamp_ns < self._newest_ns:
-            self._restart()
-        self._newest_ns = pair.stamp_ns
-        if self._detector is not None and pair.position is not None:
-            detected = self._detector.update(pair.stamp_ns, pair.position, pair.run)
-            self._follow(detected, pair.stamp_ns)
-        self._finish_until(pair.stamp_ns - 1)
-        if self._incomplete and pair.stamp_ns > self._incomplete[0].after_ns:
+        label, before = (pair.run, pair.sweep), (pair.run, pair.stamp_ns - 1)
+        if label != self._label:
+            self._turn(label, *before)
+        self._label, self._newest = label, (pair.run, pair.stamp_ns)
+        self._finish_until(before)
+        if self._incomplete and self._incomplete[0].label == label:
             if pair.position is None:
                 self.gaps += 1
                 self._incomplete[0].gaps += 1
             else:
                 self._batch.append(pair)
 
-    def _follow(self, detected: int, stamp_ns: int) -> None:
-        """End and start sweeps as detected in the motion, from the sample at ``stamp_ns`` on."""
-        if detected != self._detected:
-            self._detected = detected
+    def _turn(self, label: tuple[int, int], run: int, before_ns: int) -> None:
+        """End and start sweeps that nobody requests: detected ones, and those of a new run."""
+        open_run, open_sweep = self._incomplete[-1].label if self.is_active else label
+        if self._detects or (open_run < run and open_sweep == label[1]):
             if self.is_active:
-                self.end(stamp_ns - 1)
-            if detected != NO_SWEEP:
-                self.start(stamp_ns - 1)
-
-    def _restart(self) -> None:
-        """Start another sweep after a backward jump of the stamps."""
-        was_active = self.is_active
-        self.close()
-        if self._detector is not None:
-            self._detected = NO_SWEEP
-        elif was_active:
-            self.start(_BEFORE_ALL_NS)
+                self.end(run, before_ns)
+            if label[1] != NO_SWEEP:
+                self.start(run, before_ns, label)
 
     def _flush(self) -> None:
         if not self._batch:
@@ -219,9 +212,9 @@ class SweepRecorder:
             sweep.append(stamp_ns[keep], states[keep], strain[keep])
             self.pairs += pairs
 
-    def _finish_until(self, stamp_ns: float) -> None:
-        """Complete the sweeps that ended at ``stamp_ns`` or earlier."""
-        while self._incomplete and (until := self._incomplete[0].until_ns) is not None and until <= stamp_ns:
+    def _finish_until(self, last: tuple[float, float]) -> None:
+        """Complete the sweeps that ended at a run and stamp or earlier."""
+        while self._incomplete and (until := self._incomplete[0].until) is not None and until <= last:
             self._flush()
             self._incomplete[0].end()
             self._require_in_place([self._incomplete[0]])
@@ -254,5 +247,5 @@ class SweepRecorder:
         try:
             yield
         except ScanError:
-            self._incomplete, self._batch, self._detected = deque(), [], NO_SWEEP
+            self._incomplete, self._batch, self._label = deque(), [], None
             raise

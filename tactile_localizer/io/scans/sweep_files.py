@@ -32,18 +32,19 @@ that end the reading."""
 
 
 class OpenSweep:
-    """A sweep in progress, of the samples after ``after_ns`` up to ``until_ns``, stamps in ns.
+    """A sweep in progress.
 
     Parameters
     ----------
     path : its file, which must not exist
     number : its number
     scene : of the scan
-    after_ns : stamp before the first sample
+    after_ns : stamp before the first sample, ns
 
     Attributes
     ----------
-    until_ns : stamp of the last sample; ``None``: not known yet
+    label : run and sweep of its samples in the session; see :class:`~.session.Pair`
+    until : run and stamp, ns, of its last sample; ``None``: not known yet
     pairs : pairs so far
     gaps : strain samples without a pose close enough in time
     skipped : strain samples that were missing, saturated or out of bounds
@@ -57,7 +58,8 @@ class OpenSweep:
 
     def __init__(self, path: Path, number: int, scene: Scene, after_ns: int = -1) -> None:
         self.path, self.number, self.after_ns = path, number, after_ns
-        self.until_ns: int | None = None
+        self.label = 0, number
+        self.until: tuple[int, int] | None = None
         self.pairs = self.gaps = self.skipped = 0
         self.strain_unit = "V"
         self._scene, self._records, self._size = scene, bytearray(), 0.0

@@ -29,6 +29,7 @@ from tactile_localizer.streams.palm_frame import PalmFrame
 from tactile_localizer.streams.runs import NANOSECONDS, stamp_of
 from tactile_localizer.streams.session import DEFAULT_PATIENCE_S, Pair, Session
 from tactile_localizer.streams.sources import describe_sources
+from tactile_localizer.streams.sweep_detector import SweepDetector
 from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S
 
 _Pairs = list[Pair[StrainSample]]
@@ -134,8 +135,11 @@ class TactileInputs:
             self._tf = TfPoses(*frames, self._add_pose)
         self._frame = self._palm_frame(())  # rejects an invalid pose before a scan is loaded
 
-    def start(self, scene: Scene) -> None:
-        """Begin anew with the axes and phalanges of a scene: the next messages do not continue the last."""
+    def start(self, scene: Scene, detector: SweepDetector | None = None) -> None:
+        """Begin anew with the axes and phalanges of a scene: the next messages do not continue the last.
+
+        ``detector`` detects sweeps in the motion.
+        """
         parameters = self._node.parameters
         self._axes, self._frame = scene.axes, self._palm_frame(scene.axes)
         self.delay_ns = round(parameters["strain_delay_s"] * NANOSECONDS)
@@ -144,6 +148,7 @@ class TactileInputs:
             scene.axes,
             max_gap_s=parameters["max_gap_s"],
             patience_s=parameters["patience_s"],
+            detector=detector,
             arrivals=Arrivals(_POSES, _LEADS),
         )
         self.received: Counter[str] = Counter()

@@ -50,13 +50,25 @@ def faulty_stream(rng):
 
 
 def record_live(path, happened, detector=None):
-    """Record messages with the classes of the mapping node, in one sweep if none are detected."""
-    reader, frame, session = StrainReader(SCENE), PalmFrame(SCENE.axes), Session(SCENE.axes)
+    """Record messages with the classes of the mapping node, in one sweep if none are detected.
+
+    Returns the messages with the status at the begin and end of each sweep.
+    """
+    reader, frame, published = StrainReader(SCENE), PalmFrame(SCENE.axes), []
+
+    def report(stamp_ns):
+        message = status(0, recorder.is_active, recorder.number)
+        stamp = message.header.stamp
+        stamp.sec, stamp.nanosec = divmod(max(stamp_ns, 0), 10**9)
+        published.append((STATUS, published[-1][1] if published else 0, message))
+
+    session = Session(SCENE.axes, detector=detector)
     with ScanWriter(path, SCENE) as writer:
-        recorder = SweepRecorder(writer, detector, Coverage(SCENE))
+        recorder = SweepRecorder(writer, detector is not None, Coverage(SCENE), report)
         if detector is None:
-            recorder.start(-1)
-        for topic, _, message in happened:
+            session.mark(0, -1, recorder.start(0, -1))
+        for topic, ms, message in happened:
+            published.append((topic, ms, message))
             if topic == "strain":
                 session.add_strain(stamp_of(message), reader.read(message))
             else:
@@ -67,7 +79,7 @@ def record_live(path, happened, detector=None):
             recorder.take(session.take())
         recorder.take(session.finish())
         recorder.close()
-    return path
+    return published
 
 
 def content(path):
@@ -96,7 +108,7 @@ def write_tables(folder, happened):
 @settings(max_examples=20)
 @given(st.integers(0, 2**32), st.sampled_from(["one sweep", "both_ways", "one_way"]))
 def test_an_imported_stream_equals_the_recorded_one(seed, sweeps):
-    """The same sweeps are cut from the same motion live, in a bag, and in CSV files."""
+    """The sweeps are the same live, in a bag by the motion or the node's status, and in CSV files."""
     happened = faulty_stream(np.random.default_rng(seed))
     jumps = [
         runs_of(np.array([stamp_of(message) for topic, _, message in happened if topic == wanted])).max()
@@ -108,8 +120,12 @@ def test_an_imported_stream_equals_the_recorded_one(seed, sweeps):
     )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        live_scan = content(record_live(folder / "live", happened, live))
-        recordings = {"bag": read_bag(write_bag(folder / "messages", happened), SCENE, detector=bag)}
+        published = record_live(folder / "live", happened, live)
+        live_scan = content(folder / "live")
+        recordings = {
+            "bag": read_bag(write_bag(folder / "messages", happened), SCENE, detector=bag),
+            "status": read_bag(write_bag(folder / "published", published), SCENE),
+        }
         if jumps[0] == jumps[1]:  # files do not say during which run of the poses strain arrived
             strains, poses = write_tables(folder, happened)
             recordings["csv"] = read_csv(strains, SCENE, poses=[poses], detector=csv)
