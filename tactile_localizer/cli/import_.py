@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"{path}: a proposed scene; correct it and import again with --scene {path} if this is wrong:")
         for line in assumptions:
             print(f"  {printable(line)}")
-    del recording  # a large one takes as much memory as all that follows
+    del recording, whole  # a large one takes as much memory as all that follows
     made = ScanFolder(args.output).recording()
     print(f"{args.output}: {counted(len(made.sweeps), 'sweep')}, {counted(len(made), 'pair')}")
     scan = scan_of(made, scene)

@@ -85,8 +85,13 @@ def _ends(strain: np.ndarray, channels: Sequence[str]) -> str:
 
 
 def _jumps(strain: np.ndarray, step: np.ndarray, channels: Sequence[str]) -> str:
-    spread, size = np.ptp(strain, axis=0), np.abs(step)
-    jumps, half = (np.count_nonzero(size > part * spread, axis=0) for part in (_JUMP, _JUMP / 2))
+    # A channel at a time: a large scan's steps are as much memory as its strain.
+    ends = zip(step.T, np.ptp(strain, axis=0).tolist(), strict=True)
+    counts = [
+        [np.count_nonzero(np.abs(column) > part * spread) for part in (_JUMP, _JUMP / 2)]
+        for column, spread in ends
+    ]
+    jumps, half = np.array(counts).T
     has = (jumps >= _JUMPS) & (jumps >= 4 * (half - jumps))
     found = [f"{channels[each]} {jumps[each]} times" for each in np.flatnonzero(has).tolist()]
     reason = "two sources, spikes, or an overflow"

@@ -235,8 +235,9 @@ def _resolution(strain: np.ndarray) -> np.ndarray:
     sample = np.sort(strain[:: max(1, len(strain) // 20_000)], axis=0)
     steps = np.diff(sample, axis=0)
     smallest = np.where(steps > 0.0, steps, np.inf).min(axis=0, initial=np.inf)
-    spread = np.ptp(strain, axis=0)  # an offset does not make a channel coarser
-    floor = 1e-9 * np.where(spread > 0.0, spread, np.abs(strain).max(axis=0)) + 1e-30
+    low, high = strain.min(axis=0), strain.max(axis=0)
+    spread = high - low  # an offset does not make a channel coarser
+    floor = 1e-9 * np.where(spread > 0.0, spread, np.maximum(-low, high)) + 1e-30
     return np.maximum(np.where(np.isfinite(smallest), smallest, 0.0), floor)
 
 
