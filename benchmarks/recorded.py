@@ -82,7 +82,7 @@ from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
 from tactile_localizer.core.likelihood.material import Material
-from tactile_localizer.core.likelihood.noise_model import whiten
+from tactile_localizer.core.likelihood.noise_model import Visits, whiten
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
@@ -220,7 +220,7 @@ def learned_from(folder: Path, variant: Variant) -> Learned:
         raise _missing(folder)
     scene = load_scene(folder / "scene.yaml")
     trained = with_passes(load_recording(train, scene), variant.passes, variant.lines)
-    visit_std = np.sqrt(whiten(scan_of(trained, scene), scene, Material.SHEET).noise.variance)
+    visit_std = np.sqrt(whiten(Visits.of(scan_of(trained, scene), scene), Material.SHEET).noise.variance)
     scan = scan_of(with_texture(trained, variant.texture * visit_std), scene)
     began = time.process_time()
     calibration = learn(scan, scene)
