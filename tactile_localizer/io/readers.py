@@ -88,12 +88,19 @@ def importable() -> dict[str, Reader]:
 
 
 def _others() -> list[Reader]:
-    """The readers of other packages, whose kinds are their suffixes without the dot."""
-    found = []
+    """The readers of other packages, of which the suffix is the kind, without its dot unless we have that."""
+    by_suffix: dict[str, list[EntryPoint]] = {}
     for name, entries in installed(GROUP).items():
-        suffix = f".{name.lower().lstrip('.')}"
-        found.append(Reader(suffix[1:], f"{suffix} files", (suffix,), partial(_of_other, entries)))
-    return found
+        by_suffix.setdefault(f".{name.lower().lstrip('.')}", []).extend(entries)
+    return [
+        Reader(
+            suffix if suffix[1:] in READERS else suffix[1:],
+            f"{suffix} files",
+            (suffix,),
+            partial(_of_other, entries),
+        )
+        for suffix, entries in by_suffix.items()
+    ]
 
 
 def _bag(path: str | Path, scene: Scene, **options: Any) -> Recording:

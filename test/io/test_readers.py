@@ -4,12 +4,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from support.bags import SCENE
 
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.readers import GROUP, importable, reader_of
 from tactile_localizer.plugins import installed
 
-ENTRIES = f"[{GROUP}]\n.dat = skin:read\n.skin.csv = skin:read\nZarr = skin:read\n"
+ENTRIES = "\n".join(
+    [f"[{GROUP}]", *(f"{name} = skin:read" for name in (".dat", ".skin.csv", "Zarr", ".bag", "wav", ".WAV"))]
+)
 
 
 @pytest.fixture
@@ -73,4 +76,18 @@ def test_a_suffix_of_another_package_replaces_ours_and_the_longest_is_taken(tmp_
     assert reader_of(made(tmp_path / "a.skin.csv")).kind == "skin.csv"
     assert reader_of(made(tmp_path / "a.csv")).kind == "csv"
     assert reader_of(made(tmp_path / "store.zarr/0").parent).kind == "zarr", "of a folder, too"
-    assert {*importable()} == {"bag", "can", "csv", "dat", "skin.csv", "zarr"}
+    assert {*importable()} == {"bag", "can", "csv", "dat", "skin.csv", "zarr", ".bag", "wav"}
+
+
+@pytest.mark.usefixtures("with_another_package")
+def test_a_reader_in_place_of_ours_is_another_kind_which_has_no_options_of_ours(tmp_path: Path) -> None:
+    reader = reader_of(made(tmp_path / "a.bag"))
+    assert reader.kind == ".bag"
+    with pytest.raises(ScanError, match=r"a\.bag: reader skin:read of skin: .*No module named 'skin'"):
+        reader.read(tmp_path / "a.bag", SCENE)
+
+
+@pytest.mark.usefixtures("with_another_package")
+def test_one_suffix_in_two_spellings_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ScanError, match=r"readers wav: expected one .* has it, found skin, skin"):
+        reader_of(made(tmp_path / "a.wav")).read(tmp_path / "a.wav", SCENE)
