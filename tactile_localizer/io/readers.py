@@ -161,9 +161,9 @@ def _of_other(
         sweeps, notes = list[RecordedSweep](), [*recording.notes]
         for sweep in recording.sweeps:
             samples = _fitting(what, sweep, scene)
-            run, known = runs_of(samples.stamp_ns), np.isfinite(samples.position).all(axis=1)
+            run = runs_of(samples.stamp_ns)
             number, what_rows = np.full(len(run), sweep.number), f"samples of sweep {sweep.number}"
-            found, of_rows = cut_rows(what_rows, samples, run, number, known, detector)
+            found, of_rows = cut_rows(what_rows, samples, run, number, detector)
             sweeps += found
             notes += of_rows
         return replace(recording, sweeps=tuple(numbered_apart(sweeps)), notes=tuple(notes))

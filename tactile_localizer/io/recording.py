@@ -149,9 +149,7 @@ def numbered_apart(sweeps: Iterable[_Sweep]) -> list[_Sweep]:
     return list(found.values())
 
 
-def cut(
-    samples: RecordedSweep, run: np.ndarray, number: np.ndarray, has_position: np.ndarray
-) -> list[RecordedSweep]:
+def cut(samples: RecordedSweep, run: np.ndarray, number: np.ndarray) -> list[RecordedSweep]:
     """The sweeps of samples, each within a run; its samples without a position are gaps.
 
     Parameters
@@ -159,12 +157,11 @@ def cut(
     samples : n samples in the order of arrival or of the rows of a file
     run : (n,) int, their run, or :data:`LATE`
     number : (n,) int, their sweep, or :data:`NO_SWEEP`
-    has_position : (n,) bool
     """
-    rows = np.flatnonzero(run != LATE)
+    rows, known = np.flatnonzero(run != LATE), np.isfinite(samples.position).all(axis=1)
     ends = np.flatnonzero((np.diff(run[rows]) != 0) | (np.diff(number[rows]) != 0)) + 1
     return [
-        samples.part(_slice(part[has_position[part]]), int(number[part[0]]), int(np.sum(~has_position[part])))
+        samples.part(_slice(part[known[part]]), int(number[part[0]]), int(np.sum(~known[part])))
         for part in np.split(rows, ends)
         if len(part) and number[part[0]] != NO_SWEEP
     ]
@@ -175,7 +172,6 @@ def cut_rows(
     samples: RecordedSweep,
     run: np.ndarray,
     number: np.ndarray,
-    has_position: np.ndarray,
     detector: SweepDetector | None = None,
 ) -> tuple[list[RecordedSweep], list[str]]:
     """The sweeps of the rows of a file, and lines about rows, called ``what``, that are in none.
@@ -184,15 +180,12 @@ def cut_rows(
     """
     rows, notes = np.flatnonzero(run != LATE), list[str]()
     if detector is not None:
-        known = zip(samples.position[rows], has_position[rows].tolist(), strict=True)
-        places = (place if is_known else None for place, is_known in known)
         parts = zip(run[rows].tolist(), number[rows].tolist(), strict=True)
-        each = zip(samples.stamp_ns[rows].tolist(), places, parts, strict=True)
-        found = [detector.update(*sample) for sample in each]
-        number = np.full(len(run), NO_SWEEP)
-        number[rows] = found
+        each = zip(samples.stamp_ns[rows].tolist(), samples.position[rows], parts, strict=True)
+        number = number.copy()
+        number[rows] = [detector.update(*sample) for sample in each]
         notes = detection_notes(number[rows])
-    return cut(samples, run, number, has_position), [*notes, *row_notes(what, run)]
+    return cut(samples, run, number), [*notes, *row_notes(what, run)]
 
 
 def row_notes(what: str, run: np.ndarray) -> Iterator[str]:

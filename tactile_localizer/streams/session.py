@@ -207,11 +207,11 @@ class Session(Generic[T]):
             np.array([each.both for each in strain]),
             np.array([each.stamp_ns for each in strain]),
         )
-        positions, found = interpolate_runs(self._axes, both, stamp_ns, self._poses_around, self._max_gap_s)
-        places = (each if known else None for each, known in zip(positions, found.tolist(), strict=True))
+        positions = interpolate_runs(self._axes, both, stamp_ns, self._poses_around, self._max_gap_s)
+        is_known = np.isfinite(positions).all(axis=1).tolist()
         return [
-            Pair(stamp, place, measurement, run, self._sweep(run, stamp, place))
-            for (_, run, stamp, measurement), place in zip(strain, places, strict=True)
+            Pair(stamp, place if known else None, measurement, run, self._sweep(run, stamp, place))
+            for (_, run, stamp, measurement), place, known in zip(strain, positions, is_known, strict=True)
         ]
 
     def _poses_around(self, run: int, stamp_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -220,7 +220,7 @@ class Session(Generic[T]):
         begin, end = (bisect_left(pose_ns, each) for each in (stamp_ns[0], stamp_ns[-1]))
         return np.array(pose_ns[max(begin - 1, 0) : end + 1]), np.array(poses[max(begin - 1, 0) : end + 1])
 
-    def _sweep(self, run: int, stamp_ns: int, position: np.ndarray | None) -> int:
+    def _sweep(self, run: int, stamp_ns: int, position: np.ndarray) -> int:
         if self._detector is not None:
             return self._detector.update(stamp_ns, position, run)
         before = bisect_left(self._marks, (run, stamp_ns))

@@ -1,5 +1,7 @@
 """Detection of sweeps in the palm's motion: a sweep ends where the hand reverses or rests."""
 
+import math
+
 import numpy as np
 
 from tactile_localizer.scene import Axis
@@ -53,19 +55,19 @@ class SweepDetector:
         self._furthest = self._mark = np.zeros(len(self._columns))
         self._mark_ns: int | None = None
 
-    def update(self, stamp_ns: int, position: np.ndarray | None, part: object = None) -> int:
+    def update(self, stamp_ns: int, position: np.ndarray, part: object = None) -> int:
         """Number of the sweep of the next sample, from 1; :data:`NO_SWEEP` if it belongs to none.
 
         Parameters
         ----------
         stamp_ns : stamp of the sample, ns
-        position : (d,) palm position, m (yaw: rad); ``None``: the sample is in the sweep of the one before
+        position : (d,) palm position, m (yaw: rad); NaN: the sample is in the sweep of the one before
         part : of the recording; a sweep does not go on in another one, as after a jump in time
         """
         if part != self._part:
             self._part = part
             self._forget()
-        if position is not None:
+        if not math.isnan(position[0]):
             self._move(stamp_ns, position[self._columns])
         return self._sweeps if self._is_sweep else NO_SWEEP
 

@@ -91,7 +91,7 @@ def interpolate_runs(
     stamp_ns: np.ndarray,
     poses_of: Callable[[int, np.ndarray], tuple[np.ndarray, np.ndarray]],
     max_gap_s: float = DEFAULT_MAX_GAP_S,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> np.ndarray:
     """Interpolate palm poses at the stamps of strain vectors of several runs, each in its own; see ``Runs``.
 
     Parameters
@@ -105,13 +105,11 @@ def interpolate_runs(
 
     Returns
     -------
-    positions : (n, d) ndarray; NaN where there is none
-    found : (n,) bool
+    (n, d) ndarray; NaN where there is none
     """
     positions = np.full((len(stamp_ns), len(axes)), math.nan)
-    found = np.zeros(len(stamp_ns), dtype=bool)
     for number in {*run.tolist()} - {LATE}:
         rows = run == number
         poses = poses_of(number, stamp_ns[rows])
-        positions[rows], found[rows] = interpolate_poses(axes, *poses, stamp_ns[rows], max_gap_s)
-    return positions, found
+        positions[rows], _ = interpolate_poses(axes, *poses, stamp_ns[rows], max_gap_s)
+    return positions

@@ -116,14 +116,14 @@ def read_bag(
     receipt = "; stamp: receipt in the adapter takes the times of receipt" * (adapter is not None)
     notes += pose_notes(pose, session.seen(), lambda ahead_s: receipt)
     pairs = session.finish()
-    samples, has_position = _samples(pairs, scene)
+    samples = _samples(pairs, scene)
     if counts["truth"]:
         truths = _session(received, scene, max_gap_s, by_status, poses="truth").finish()
-        samples = replace(samples, truth=_samples(truths, scene)[0].position)
+        samples = replace(samples, truth=_samples(truths, scene).position)
     run, sweep = np.array([(each.run, each.sweep) for each in pairs]).T
     notes += detection_notes(sweep) if detector else []
     lost = sum(count for topic, (count, _) in messages.invalid.items() if topic in strains)
-    sweeps = cut(samples, run, sweep, has_position)
+    sweeps = cut(samples, run, sweep)
     return join([Recording(str(path), tuple(sweeps), tuple(notes), lost)])
 
 
@@ -182,13 +182,12 @@ def _session(
     return session
 
 
-def _samples(pairs: Sequence[Pair[StrainVector]], scene: Scene) -> tuple[RecordedSweep, np.ndarray]:
-    """Samples (n) of pairs, as of one sweep, and which have a position, (n,) bool."""
-    position = np.full((len(pairs), scene.dimension), math.nan)
-    has_position = np.array([each.position is not None for each in pairs])
-    position[has_position] = [each.position for each in pairs if each.position is not None]
+def _samples(pairs: Sequence[Pair[StrainVector]], scene: Scene) -> RecordedSweep:
+    """Samples of pairs as of one sweep; their positions are NaN where there is none."""
+    unknown = np.full(scene.dimension, math.nan)
+    position = np.array([unknown if each.position is None else each.position for each in pairs])
     stamp_ns, strain, status = map(np.array, zip(*(each.measurement for each in pairs), strict=True))
-    return RecordedSweep(0, stamp_ns, position, strain, status), has_position
+    return RecordedSweep(0, stamp_ns, position, strain, status)
 
 
 def _with_poses_of_tf(received: Sequence[Received], frame: PalmFrame, source: str) -> list[Received]:

@@ -113,7 +113,7 @@ def _read_file(
     label, notes = _sweep_numbers(path, table), table.notes
     if pose_path is None:
         notes += _yaw_notes(path, naming, axes, table)
-        position, found, run, truth = _of_rows(scene, naming, axes, table, label)
+        position, run, truth = _of_rows(scene, naming, axes, table, label)
     else:
         stamp = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
         poses = read_table(pose_path, scene, naming, stamp, axes, {})
@@ -126,7 +126,7 @@ def _read_file(
         seen = Seen(scene.axes, table.stamp_ns[run != LATE], pose_ns, places, max_gap_s)
         notes += pose_notes(str(pose_path), seen, shift)
 
-        def at_strain(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def at_strain(positions: np.ndarray) -> np.ndarray:
             def poses_of(number: int, stamp_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
                 # Files do not say during which run of the poses strain arrived: in its own, or the only one.
                 rows = pose_run == (number if pose_run.max() else 0)
@@ -134,14 +134,14 @@ def _read_file(
 
             return interpolate_runs(scene.axes, run, table.stamp_ns, poses_of, max_gap_s)
 
-        position, found = at_strain(poses.position)
-        truth = None if (known := _truth(scene, poses)) is None else at_strain(known)[0]
+        position = at_strain(poses.position)
+        truth = None if (known := _truth(scene, poses)) is None else at_strain(known)
     status, unit = missing_status(table.strain, scene.layout), naming.strain_unit
     felt = table.beside[FELT] > 0.0 if FELT in table.beside else None
     samples = RecordedSweep(
         0, table.stamp_ns, position, table.strain, status, truth, 0, felt, strain_unit=unit
     )
-    sweeps, of_rows = cut_rows(f"rows of {path}", samples, run, label, found, detector)
+    sweeps, of_rows = cut_rows(f"rows of {path}", samples, run, label, detector)
     notes += of_rows
     beside_ns = poses.stamp_ns if pose_path else np.empty(0)
     if finding := _implausible_stamps(table.stamp_ns, beside_ns, naming.of("stamp_s")):
@@ -151,14 +151,14 @@ def _read_file(
 
 def _of_rows(
     scene: Scene, naming: ColumnNaming, axes: Mapping[str, Names], table: Table, label: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
-    """Positions (n, d) of rows that have them, if they are in order, their runs, and the truth (n, d)."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Positions (n, d) of rows that have them, their runs, and the truth (n, d)."""
     begun = np.flatnonzero(np.diff(label, prepend=-1))
     timed = [each.names == naming.of("stamp_s").names for each in axes.values()]  # a constant speed
     position = table.position
     position[:, timed] -= np.repeat(position[begun][:, timed], np.diff([*begun, len(label)]), axis=0)
     run = np.concatenate([runs_of(part) for part in np.split(table.stamp_ns, begun[1:])])
-    return near_bounds(scene.axes, position), run != LATE, run, _truth(scene, table)
+    return near_bounds(scene.axes, position), run, _truth(scene, table)
 
 
 def _shift_advice(stamp: Names, log: Path | None, stamp_ns: int, ahead_s: float) -> str:
