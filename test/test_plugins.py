@@ -179,8 +179,17 @@ def test_a_reader_of_another_package_imports_what_its_file_holds(folder: Path, s
 
 
 def test_a_replay_of_another_packages_file_is_that_of_the_csv(folder: Path, run: Run, scan: str) -> None:
+    """Of samples of which one lacks a value."""
+    header, *rows = (folder / "test.csv").read_text().splitlines()
+    row = rows[200].split(",")
+    row[header.split(",").index("index_4")] = ""
+    (folder / "holes.csv").write_text("\n".join([header, *rows[:200], ",".join(row), *rows[201:]]) + "\n")
+    with np.load(folder / "test.npz") as file:
+        arrays = dict(file)
+    arrays["strain"][200, 3] = np.nan
+    np.savez(folder / "holes.npz", **arrays)
     for kind in ("npz", "csv"):
-        status, _, error = run(f"replay test.{kind} --scan {scan} --config fast --json {kind}.json")
+        status, _, error = run(f"replay holes.{kind} --scan {scan} --config fast --json {kind}.json")
         assert status < 2, error
     assert updates(folder / "npz.json") == updates(folder / "csv.json") != []
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
-from support.bags import SCENE, slide, write_bag
+from support.bags import SCENE, STORE, slide, status, write_bag
 from support.learned import unexamined
 from support.notes import counts
 
@@ -199,6 +199,46 @@ def test_a_bag_is_imported(folder, run):
     output = run("bag bag --scene scene.yaml -o bump_scan")[1].splitlines()
     assert output[0] == "bump_scan: 1 sweep, 197 pairs"
     assert counts(output) == [(3, 200)]
+
+
+def test_an_imported_bag_has_the_sweeps_of_the_mapping_status(folder, run):
+    marked = [(100, True, 1), (500, False, 1), (600, True, 2), (900, False, 2)]
+    happened = [
+        ("tactile_mapping/status", ms + 5, status(ms, active, number)) for ms, active, number in marked
+    ]
+    write_bag(folder / "bag", slide(0, 1000) + happened)
+    assert run("bag bag --scene scene.yaml -o bump_scan")[1].startswith("bump_scan: 2 sweeps, ")
+
+
+def test_messages_of_all_bags_of_an_import_name_their_values_alike(folder, run):
+    names, joints = [f"joint_{n}" for n in range(8)], STORE.types["sensor_msgs/msg/JointState"]
+    for bag, named in (("a", names), ("b", names[::-1])):
+        poses = [each for each in slide(0, 1000) if each[0] == "palm_pose"]
+        efforts = [
+            ("joints", ms, joints(each.header, named, np.empty(0), np.empty(0), np.arange(8.0)))
+            for _, ms, each in poses
+        ]
+        write_bag(folder / bag, poses + efforts)
+    entry = "{topic: /joints, type: sensor_msgs/msg/JointState, field: effort}"
+    (folder / "adapter.yaml").write_text(f"phalanges: {{index: {entry}}}\n")
+    options = "--adapter adapter.yaml --scene line.yaml"
+    assert run(f"bag a {options} -o a_scan")[0] == 0
+    refusal = run(f"bag a b {options} -o both_scan")[2]
+    assert "expected names joint_0, joint_1" in refusal
+
+
+def test_each_file_of_an_import_has_its_own_poses(folder, run):
+    for name, place in (("a", 1.0), ("b", 0.5)):
+        write_csv(
+            folder / f"{name}.csv", [[row[0], *row[2:]] for row in slid()], [STANDARD[0], *STANDARD[2:]]
+        )
+        poses = [[0.04 * k, place * 0.0004 * k] for k in range(125)]
+        write_csv(folder / f"{name}_poses.csv", poses, ["stamp_s", "x"])
+    assert (
+        run("csv a.csv b.csv --poses a_poses.csv --poses b_poses.csv --scene line.yaml -o both_scan")[0] == 0
+    )
+    first, second = ScanFolder("both_scan").recording().sweeps
+    np.testing.assert_allclose(second.position, 0.5 * first.position, atol=1e-9)
 
 
 CAN = "can sweep.log --dbc loadcells.dbc"
