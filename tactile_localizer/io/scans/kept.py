@@ -13,7 +13,7 @@ import importlib
 import json
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -51,8 +51,8 @@ def _code() -> bytes:
     return digest.digest()
 
 
-def store(path: Path, key: str, value: Any) -> None:
-    """Write an object; a failure costs only the time to make it again.
+def store(path: Path, keys: Sequence[str], value: Any) -> None:
+    """Write an object that is found by each of the ``keys``; a failure costs only the time to make it again.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def store(path: Path, key: str, value: Any) -> None:
         The object has a part that is neither an array, a value nor an object of the package.
     """
     arrays: dict[int, np.ndarray] = {}
-    text = json.dumps({"key": key, "value": _packed(value, arrays)})
+    text = json.dumps({"keys": list(keys), "value": _packed(value, arrays)})
     members = {_TEXT: np.frombuffer(text.encode(), np.uint8)}
     members |= {f"array_{number}": array for number, array in enumerate(arrays.values())}
     with whole_file(path, ScanError) as unfinished, unfinished.open("wb") as file:
@@ -74,7 +74,7 @@ def load(path: Path, key: str) -> Any:
     try:
         with open_file(path) as file, np.load(file, allow_pickle=False) as members:
             content = json.loads(members[_TEXT].tobytes())
-            if content["key"] != key:
+            if key not in content["keys"]:
                 return None
             return _unpacked(content["value"], cache(lambda number: members[f"array_{number}"]))
     except (*_FAULTS, zipfile.BadZipFile, zlib.error):

@@ -12,6 +12,7 @@ import json
 import logging
 import zlib
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -115,8 +116,8 @@ def ready_localizer(
     """
     folder, kept = ScanFolder(path), _file(Path(path), scene)
     is_kept, file = configuration.model == SWEEP_MIXTURE, kept.with_suffix(".npz")
-    content = _content_key(folder) if is_kept else ""
-    found = load(file, _key(content, kept, scene, configuration)) if is_kept else None
+    key = partial(_key, kept=kept, scene=scene, configuration=configuration)
+    found, states = _load(folder, file, key) if is_kept else (None, ())
     if found is None:
         recording = folder.recording()
         scan = scan_of(recording, folder.scene)
@@ -132,9 +133,9 @@ def ready_localizer(
             localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
             return Ready(localizer, calibration, ScanRange.of(scan, localizer.scene), contents)
         found = calibration, prepare(scan, scene, configuration, calibration), contents
-        if content == _content_key(folder):  # it may be recorded at this moment
+        if states[-1] == _content_key(folder):  # it may be recorded at this moment
             try:
-                store(file, _key(content, kept, scene, configuration), found)
+                store(file, [*map(key, states)], found)
             except (ScanError, TypeError) as error:
                 _log.warning("%s; the next start learns again", error)
     calibration, prepared, contents = found
@@ -148,6 +149,40 @@ def ready_localizer(
 def _log_notes(contents: Contents) -> None:
     for note in contents.notes:
         _log.warning("%s", note)
+
+
+def _load(folder: ScanFolder, file: Path, key: Callable[[str], str]) -> tuple[Any, tuple[str, ...]]:
+    """What is kept of a scan, ``None`` if it has changed; and what says so, of which ``key`` makes keys.
+
+    The state of the sweeps' files does, read in the same time for any number of pairs, or else their content.
+    """
+    files, changed_ns = _files_key(folder)
+    # While a file may change without a new time, only its content is trusted.
+    if changed_ns < _written_ns(file) and (found := load(file, key(files))) is not None:
+        return found, ()
+    states = files, _content_key(folder)
+    found = load(file, key(states[-1]))
+    if found is not None:
+        with contextlib.suppress(ScanError):  # the next start reads the sweeps again
+            store(file, [*map(key, states)], found)
+    return found, states
+
+
+def _files_key(folder: ScanFolder) -> tuple[str, int]:
+    """Key of the scene and of the sweeps' files, which is another one after each change; and the last, ns."""
+    own, found = json.dumps(scene_to_dict(folder.scene)).encode(), []
+    with refusing(f"{folder.path}: could not be read", ScanError, OSError):
+        for file in folder.files()[0].values():
+            state = file.stat()
+            found.append((file.name, state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns))
+    return key_of([own, repr(found).encode()]), max((each[-1] for each in found), default=0)
+
+
+def _written_ns(file: Path) -> int:
+    """When a file was written, ns; 0: there is none."""
+    with contextlib.suppress(OSError):
+        return file.stat().st_mtime_ns
+    return 0
 
 
 def _content_key(folder: ScanFolder) -> str:

@@ -1,6 +1,7 @@
 """What a filter needs of a scan is kept, and used only as long as it is what would be learned."""
 
 import dataclasses
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -78,6 +79,19 @@ def test_a_localizer_that_was_kept_gives_the_digits_of_the_one_that_learned(
     for one, other in zip(first, estimates(again, path), strict=True):
         for name, value in one._asdict().items():
             np.testing.assert_array_equal(value, getattr(other, name), err_msg=name)
+
+
+def test_a_start_from_what_was_kept_reads_no_sweep(
+    path: Path, prepared: list[Scene], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else it would take the longer the larger the scan is; of a copy it does once."""
+    ready(path)
+    copy = shutil.copytree(path, tmp_path / "copy")
+    ready(copy)
+    monkeypatch.setattr(learned, "_content_key", None)
+    ready(path)
+    ready(copy)
+    assert len(prepared) == 1
 
 
 def test_what_changed_is_learned_again(
