@@ -1,7 +1,8 @@
 """The readers of recordings: those of this package, and of others by their entry points.
 
 The suffix decides, the longest of those that fit; a reader of another package may replace one of ours. A
-folder is a scan or a bag, unless it has a suffix of another package. A file without a suffix is a table.
+folder is a scan or a bag, unless it has a suffix of another package. A file without a suffix, or with a
+number in its place, is a table.
 """
 
 from __future__ import annotations
@@ -74,7 +75,8 @@ def reader_of(path: str | Path) -> Reader:
     by_suffix = {suffix: reader for reader in readers for suffix in reader.suffixes}
     if found := [suffix for suffix in by_suffix if path.name.lower().endswith(suffix)]:
         return by_suffix[max(found, key=len)]
-    if path.suffix and not is_folder and os.path.lexists(path):  # who reads a missing one reports that
+    is_known = not path.suffix or path.suffix[1:2].isdigit()  # run_0.5mm has no suffix, but a number
+    if not (is_known or is_folder) and os.path.lexists(path):  # who reads a missing one reports that
         raise ScanError(
             f"{path}: expected a folder, or a file of {', '.join(sorted(by_suffix))}, found {path.suffix}"
         )

@@ -43,6 +43,8 @@ def made(path: Path) -> Path:
         ("test.csv.gz", "csv"),
         ("test.dat", "csv"),
         ("test", "csv"),
+        ("run_0.5mm", "csv"),
+        ("run.2026-11-28", "csv"),
         ("sweep.log", "can"),
         ("sweep.log.gz", "can"),
         ("sweep.BLF", "can"),
