@@ -118,8 +118,10 @@ def read_bag(
     pairs = session.finish()
     samples = _samples(pairs, scene)
     if counts["truth"]:
-        truths = _session(received, scene, max_gap_s, by_status, poses="truth").finish()
-        samples = replace(samples, truth=_samples(truths, scene).position)
+        true = _session(received, scene, max_gap_s, by_status, poses="truth")
+        late, jumps = true.runs.late[POSES], true.runs.jumps[POSES]
+        notes += stamp_notes(f"poses of {names['truth']}", counts["truth"], late, jumps)
+        samples = replace(samples, truth=_samples(true.finish(), scene).position)
     run, sweep = np.array([(each.run, each.sweep) for each in pairs]).T
     notes += detection_notes(sweep) if detector else []
     lost = sum(count for topic, (count, _) in messages.invalid.items() if topic in strains)

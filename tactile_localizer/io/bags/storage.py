@@ -95,7 +95,7 @@ def read_storage(path: Path, is_wanted: IsWanted) -> Contents:
 
 def _files(folder: Path) -> tuple[list[Path], dict[str, int], list[str]]:
     """Files of a bag in their order, numbers of messages by topic that the metadata promise, and notes."""
-    there = [path for path in folder.iterdir() if path.name.endswith(BAG_EXTENSIONS)]
+    there = [path for path in folder.iterdir() if path.name.lower().endswith(BAG_EXTENSIONS)]
     there.sort(key=lambda path: ([int(number) for number in re.findall(r"\d+", path.name)], path.name))
     if (folder / _METADATA).is_file():
         names, promised = _metadata(folder / _METADATA)
@@ -149,14 +149,15 @@ def _in_order(messages: list[Message]) -> list[Message]:
 
 
 def _read_file(path: Path, is_wanted: IsWanted) -> Contents:
-    if not (path.is_file() and path.name.endswith(BAG_EXTENSIONS)):
-        other = _ROS_1 if path.suffix == ".bag" else "another file"
+    suffix = path.suffix.lower()
+    if not (path.is_file() and path.name.lower().endswith(BAG_EXTENSIONS)):
+        other = _ROS_1 if suffix == ".bag" else "another file"
         raise ScanError(f"{path}: {_EXPECTED} {other if path.exists() else 'none'}")
     with path.open("rb") as file:
-        if path.suffix == ".zstd":
+        if suffix == ".zstd":
             with TemporaryDirectory() as folder:
                 return _read_file(_unpacked(file, Path(folder, path.stem)), is_wanted)
-        if path.suffix == ".mcap":
+        if suffix == ".mcap":
             return _read_mcap(file, is_wanted)
     with _recovered(path) as (whole, notes):
         return _read_sqlite(whole, is_wanted)._replace(notes=notes)

@@ -111,6 +111,40 @@ def test_truth_is_interpolated(tmp_path):
     np.testing.assert_allclose(sweep.truth[known, 0], 0.02 + STRAIN_MS[known] * 1e-6, atol=1e-12)
 
 
+def test_true_poses_whose_stamps_do_not_increase_are_counted(tmp_path):
+    truths = [("tactile_simulator/ground_truth", ms, pose(ms - ms % 40)) for ms in range(0, 2001, 20)]
+    truths += [("tactile_simulator/ground_truth", 2001, pose(200))]
+    notes = read_bag(write_bag(tmp_path / "bag", slide(0, 2000) + truths[2:]), SCENE).notes
+    what = "100 poses of /tactile_simulator/ground_truth"
+    assert notes == (
+        f"skipped 49 of {what} whose stamps do not increase",
+        f"1 of {what} have stamps that jump back: another run begins",
+    )
+
+
+@pytest.mark.parametrize("clock_ms", [-3_600_000, 3_600_000, 12_345_678])
+def test_poses_of_another_clock_are_gaps_and_a_finding(tmp_path, clock_ms):
+    happened = [
+        (topic, ms, pose(4_000_000 + clock_ms + ms) if topic == "palm_pose" else strain(4_000_000 + ms))
+        for topic, ms, _ in slide(0, 2000)
+    ]
+    recording = read_bag(write_bag(tmp_path / "bag", happened), SCENE)
+    ((gaps, left),) = ((each.gaps, len(each)) for each in recording.sweeps)
+    assert (gaps, left) == (400, 0)
+    assert "the strain, another " in recording.notes[0]
+
+
+@pytest.mark.parametrize("name", ["BAG.MCAP", "BAG.MCAP.ZSTD", "Bag.DB3"])
+def test_suffixes_are_read_in_upper_case(tmp_path, name):
+    compression = "file" if name.endswith("ZSTD") else "none"
+    bag = whole(tmp_path / "bag", "sqlite3" if name.endswith("3") else "mcap", compression)
+    file = file_of(bag).rename(tmp_path / name)
+    assert_whole(read_bag(file, SCENE).sweeps[0])
+    (bag / "metadata.yaml").unlink()
+    file.rename(bag / name)
+    assert_whole(read_bag(bag, SCENE).sweeps[0])
+
+
 def test_sweeps_follow_the_mapping_status(tmp_path):
     statuses = [
         status(0, False, 0),
