@@ -58,6 +58,11 @@ def test_slow_poses_are_named_with_the_option():
     assert "--max-gap 0.3" in gaps([0.0, 1.0], np.arange(0.0, 1.0, 0.2))
 
 
+@pytest.mark.parametrize("pose_s", [np.arange(0.0, 4.0, 0.05), np.arange(6.0, 10.0, 0.05)])
+def test_strain_without_poses_is_named(pose_s):
+    assert gaps(np.arange(0.0, 10.0, 0.1), pose_s).startswith("most of the strain is before or after all")
+
+
 def seen_with(late_ms, arrivals):
     """A session whose poses are stamped some time before their receipt, and 4 s late at its begin."""
     session = Session(AXES, arrivals=arrivals)

@@ -75,3 +75,12 @@ ORDINARY = {
 @pytest.mark.parametrize("name", ORDINARY)
 def test_ordinary_motion_is_not_described(name):
     assert described(*ORDINARY[name]) == ""
+
+
+def test_a_few_wrong_positions_are_no_second_source():
+    seconds = np.arange(0, 10, 0.01)
+    x = strokes(seconds)
+    x[100::170] += 0.02
+    assert described(seconds, x) == ""
+    x[::15] += 0.02
+    assert "two sources" in described(seconds, x)

@@ -186,6 +186,15 @@ def test_a_topic_that_does_not_jump_is_taken_along():
     assert np.mean(found[1]) > 0.7
 
 
+def test_a_jump_of_the_poses_alone_begins_no_run_of_the_strain():
+    session = Session(AXES)
+    for ms in range(5000, 9000, 10):
+        session.add_strain(ms * MS, None)
+        session.add_pose((ms if ms < 7000 else ms - 5000) * MS, np.array([0.1]))
+    assert session.runs.jumps == [0, 1]
+    assert {pair.run for pair in session.finish()} == {0}
+
+
 def sweeps_of(session):
     return [(pair.run, pair.stamp_ns // MS, pair.sweep) for pair in session.finish()]
 

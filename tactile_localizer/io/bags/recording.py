@@ -102,7 +102,7 @@ def read_bag(
     notes = messages.notes()
     if adapter is not None:
         notes += [*filter(None, map(adapter.mixed, adapter.topics)), *adapter.findings()]
-    received = [each._replace(topic=named[each.topic]) for each in messages.received]
+    received = [Received(named[topic], received_ns, value) for topic, received_ns, value in messages.received]
     counts = Counter(each.topic for each in received)
     if not (counts["strain"] and counts["pose"]):
         raise _nothing_on(path, pose if counts["strain"] else names["strain"], messages.topics, notes)
