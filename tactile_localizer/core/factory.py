@@ -34,9 +34,10 @@ from tactile_localizer.scene import Scene
 
 Progress = Callable[[str, float], None]
 
-_EXAMINED = Configuration(cell=2.0 * Configuration().cell)
-"""Configuration of the localizers that examine a scan: cells of twice the size give the same scores
-sooner."""
+_EXAMINED = Configuration()
+_COARSER = 2.0
+"""Configuration of the localizers that examine a scan, and the size of their cells by the usual one: the
+choice is the same, sooner."""
 
 LEARNED = 0.9
 """Part of the progress of a localizer after which all is learned from the scan, and the map is built."""
@@ -111,20 +112,15 @@ def prepare(scan: Scan, scene: Scene, configuration: Configuration, calibration:
 def _prepared(
     learned: SweepModel, scene: Scene, configuration: Configuration, scan: Scan, still: np.ndarray
 ) -> Prepared:
-    none = np.zeros(len(learned.scan.tracks), dtype=bool)
-    return _prepared_without([none], learned, scene, configuration, scan, still)[0]
+    cell = learned.cell(scene, configuration.cell)
+    return Prepared(scene, cell, learned.mixture(scene, cell), ScanRange.of(scan, scene), still)
 
 
-def _prepared_without(
-    without: Sequence[np.ndarray],
-    learned: SweepModel,
-    scene: Scene,
-    configuration: Configuration,
-    scan: Scan,
-    still: np.ndarray,
+def _to_examine(
+    learned: SweepModel, without: Sequence[np.ndarray], scene: Scene, scan: Scan, still: np.ndarray
 ) -> list[Prepared]:
-    """The same, each with a map without some of the tracks (S,) bool."""
-    cell, bounds = learned.cell(scene, configuration.cell), ScanRange.of(scan, scene)
+    """The same in coarser cells, each with a map without some of the tracks (S,) bool."""
+    cell, bounds = learned.cell(scene, _EXAMINED.cell, _COARSER), ScanRange.of(scan, scene)
     models = learned.mixtures(scene, cell, without)
     return [Prepared(scene, cell, model, bounds, still) for model in models]
 
@@ -177,7 +173,7 @@ def _calibrated(scan: Scan, scene: Scene, say: Progress) -> tuple[Calibration, S
 
     def build(model: SweepModel, without: Sequence[np.ndarray], within: Scene) -> list[Localizer]:
         before = Calibration(prior, model.scan.material, model.variance)
-        prepared = _prepared_without(without, model, within, _EXAMINED, scan, still)
+        prepared = _to_examine(model, without, within, scan, still)
         return [assemble(each, _EXAMINED, before, np.random.default_rng(0)) for each in prepared]
 
     say("examining the scan by held-out sweeps", begun)
@@ -243,7 +239,7 @@ def _position_model(
         return model, model.information_length
 
     def build(learned: SweepModel, out: Sequence[np.ndarray], within: Scene) -> list[Localizer]:
-        prepared = _prepared_without(out, learned, within, _EXAMINED, scan, still)
+        prepared = _to_examine(learned, out, within, scan, still)
         kept = [np.isin(scan.sweep, scan.sweep_numbers[~tracks]) for tracks in out]
         parts = [NamedModel(name, without.select(rows), scene) for rows in kept]
         return [

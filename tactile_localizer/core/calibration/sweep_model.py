@@ -75,9 +75,9 @@ class SweepModel(NamedTuple):
         # Its featureless part is what the map's own featureless places are: neither is preferred there.
         return OtherMaterial(layout, covariance, table.variance.min(axis=(0, 1)))
 
-    def cell(self, scene: Scene, lines: float) -> np.ndarray:
-        """Size (d,) of cells of ``lines`` line spacings."""
-        return cell_size(scene, self.scan.spacing, lines)
+    def cell(self, scene: Scene, lines: float, times: float = 1.0) -> np.ndarray:
+        """Size (d,) of cells of ``lines`` line spacings, and ``times`` it (:func:`.cell_size`)."""
+        return cell_size(scene, self.scan.spacing, lines, times)
 
 
 def learn_sweep_model(

@@ -106,17 +106,19 @@ class StrainMap(NamedTuple):
         return index.astype(np.intp)
 
 
-def cell_size(scene: Scene, spacing: float, lines: float) -> np.ndarray:
-    """Size (d,) of a filter's cells: ``lines`` line spacings, on one axis a part of a pitch.
+def cell_size(scene: Scene, spacing: float, lines: float, times: float = 1.0) -> np.ndarray:
+    """Size (d,) of a filter's cells: ``lines`` line spacings, at least a pitch; on one axis a part of it.
 
-    On three axes cells are enlarged to limit their number to :data:`MOST_CELLS_IN_SPACE`.
+    On more axes it is taken ``times`` so large. On three axes cells are enlarged to limit their number to
+    :data:`MOST_CELLS_IN_SPACE`.
 
     Raises
     ------
     SceneError
         There would be too many cells for the memory.
     """
-    length = PITCH / _CELLS_PER_PITCH if scene.dimension == 1 else max(lines * spacing, PITCH)
+    one_axis = scene.dimension == 1
+    length = PITCH / _CELLS_PER_PITCH if one_axis else times * max(lines * spacing, PITCH)
     sizes = length / levers(scene)
     extent = scene.extent
     if scene.dimension == 3:

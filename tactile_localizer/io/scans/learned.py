@@ -43,7 +43,7 @@ _log = logging.getLogger(__name__)
 
 FILE = "calibration.json"
 _MOST_BYTES = 2**20
-ALGORITHM = 22
+ALGORITHM = 23
 """Number that changes with the algorithm of :func:`~.factory.learn`."""
 
 

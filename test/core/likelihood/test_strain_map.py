@@ -78,6 +78,8 @@ def test_every_state_has_a_nearest_node(states: list[tuple[float, float]]) -> No
 
 def test_cell_size_on_one_and_two_axes() -> None:
     np.testing.assert_allclose(cell_size(PLANE, SPACING, 0.3), 0.0009)
+    np.testing.assert_allclose(cell_size(PLANE, 1e-6, 0.3), PITCH)
+    np.testing.assert_allclose(cell_size(PLANE, 1e-6, 0.3, 2.0), 2.0 * PITCH)
     np.testing.assert_allclose(cell_size(LINE, 0.0, 0.3), PITCH / 4)
 
 
