@@ -137,8 +137,8 @@ def belief() -> None:
         low, high = states.min(axis=0) * MM, states.max(axis=0) * MM
         axes.imshow(image, origin="lower", extent=(low[0], high[0], low[1], high[1]), cmap="Blues")
         material(axes, region=False)
-        axes.plot(*(sweep.truth[row] * MM), "+", color="tab:red", ms=9, mew=1.6)
-        axes.set_title(f"palm (+) at x = {sweep.truth[row, 0] * MM:.0f} mm")
+        axes.plot(*(sweep.truth[row] * MM), "o", color="tab:red", ms=13, mew=1.4, mfc="none")
+        axes.set_title(f"palm (o) at x = {sweep.truth[row, 0] * MM:.0f} mm")
         axes.label_outer()
     x = sweep.truth[:, 0] * MM
     spread, proof = below.subplots(1, 2)

@@ -219,16 +219,18 @@ class _Kind:
     def refine(self) -> None:
         """Choose among the best length and its neighbours by all trials, then by false claims.
 
-        The next longer lengths are tried where there are more of these than by chance. Where they are as
-        many at all lengths, the material resembles itself.
+        The next longer lengths are tried where there are more of these than by chance: among the claims on
+        the map, few as they may be, or in all trials, of which those off the map should have none. Where they
+        are as many at all lengths, the material resembles itself.
         """
         tried = [each for each in (self.choice - 1, self.choice + 1) if (each, True) in self._outcomes]
         scores = self._scores(self.choice, _FEW)
         close = [each for each in tried if not _beyond(scores - self._scores(each, _FEW), 1.0)]
         self.choice = max([self.choice, *close], key=lambda each: self._scores(each).mean())
         for choice in range(self.choice, len(LENGTHS)):
-            outcomes = self._localized(choice, True) + self._localized(choice, False)
-            if sum(each.wrong for each in outcomes) <= by_chance(len(outcomes)):
+            on_map, off_map = (self._localized(choice, each) for each in (True, False))
+            claims = [each for each in on_map if each.converged]
+            if _are_by_chance(claims) and _are_by_chance(on_map + off_map):
                 self.choice = choice
                 break
 
@@ -268,6 +270,11 @@ def _beyond(differences: np.ndarray, errors: float) -> bool:
 def _is_distinct(differences: np.ndarray, errors: float) -> bool:
     """The same of scores, of which what the threshold of convergence concedes is no difference."""
     return _beyond(differences, errors) and abs(differences.mean()) > _CONCEDED
+
+
+def _are_by_chance(outcomes: Sequence[Outcome]) -> bool:
+    """Whether so many of them are ever wrong as the threshold of convergence explains."""
+    return sum(each.wrong for each in outcomes) <= by_chance(len(outcomes))
 
 
 def by_chance(trials: int) -> int:

@@ -121,13 +121,17 @@ def without_localizing(models: list[SweepModel]) -> tuple[Material, Examination]
 
 
 def outcome(
-    trial: Trial, score: float = 0.0, wrong: bool = False, y: float = 0.0, right: bool = True
+    trial: Trial,
+    score: float = 0.0,
+    wrong: bool = False,
+    y: float = 0.0,
+    right: bool = True,
+    converged: bool = True,
 ) -> Outcome:
     """Of a trial, with a score along ``y`` alone."""
     axes, none = (0.0, y) if trial.on_map else (), (0.0, 0.0)
-    return Outcome(
-        trial.sweep.number, trial.on_map, score, right and not wrong, wrong, True, none, none, axes
-    )
+    is_right = converged and right and not wrong
+    return Outcome(trial.sweep.number, trial.on_map, score, is_right, wrong, converged, none, none, axes)
 
 
 def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -152,17 +156,24 @@ def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize(("more", "chosen"), [(0, 0.0017), (1, 0.005)])
+@pytest.mark.parametrize(("on_map", "count"), [(True, 12), (False, 2 * module._TRIALS)])
 def test_a_length_with_more_false_claims_than_chance_is_not_chosen(
-    monkeypatch: pytest.MonkeyPatch, models: list[SweepModel], more: int, chosen: float
+    monkeypatch: pytest.MonkeyPatch,
+    models: list[SweepModel],
+    on_map: bool,
+    count: int,
+    more: int,
+    chosen: float,
 ) -> None:
-    """Of the others the score on the map decides."""
-    made, claims = Counter[tuple[Material, float]](), more + by_chance(2 * module._TRIALS)
+    """Of the few claims on the map, or off it of all trials; of the others the score on the map decides."""
+    made, false = Counter[tuple[Material, float, bool]](), more + by_chance(count)
     score = {0.0017: -0.9, 0.003: -1.0, 0.005: -1.1}
 
     def localized(trial: Trial, length: float) -> Outcome:
-        each = trial.localizer.model.material, length
+        each = trial.localizer.model.material, length, trial.on_map
         made[each] += 1
-        return outcome(trial, score.get(length, -5.0), length < 0.004 and made[each] <= claims)
+        wrong = length < 0.004 and trial.on_map == on_map and made[each] <= false
+        return outcome(trial, score.get(length, -5.0), wrong, converged=made[each] <= count)
 
     monkeypatch.setattr(Trial, "localize", localized)
     assert without_localizing(models)[1].information_length == chosen
