@@ -275,8 +275,9 @@ class StrainAdapter:
         text = describe_sources(topic, nodes, frames)
         sources = enumerate(self.sources)
         taken = [self._frames[at][0] for at, one in sources if one.topic == topic and at in self._frames]
-        named = f"; {taken[0]} is taken: frame in the adapter names another"
-        return text + named * (len(frames) > 1 and bool(taken))
+        if len(frames) > 1 and taken:
+            text += f"; {taken[0]} is taken: frame in the adapter names another"
+        return text
 
     def _forget(self) -> None:
         self.identities: dict[str, set[tuple[str, tuple[str, ...]]]] = {}

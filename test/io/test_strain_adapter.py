@@ -327,6 +327,7 @@ def test_one_of_two_sensors_on_a_topic_is_taken_and_both_are_named():
 
     entry = {"topic": "/wrench", "type": WRENCH}
     made = adapter(index=entry)
+    assert made.mixed("/wrench", ["/a", "/b"]).endswith("found 2 (nodes /a, /b)"), "before any message"
     taken = [felt(made, ("left_ft", "right_ft")[n % 2], 10.0 * (n % 2), 10 * n) for n in range(1, 20)]
     assert {each for each in taken if each is not None} == {10.0}, "that which came first"
     text = "expected one source of /wrench, found 2 (frames left_ft, right_ft); right_ft is taken"
