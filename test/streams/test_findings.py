@@ -73,15 +73,14 @@ def seen_with(late_ms, arrivals):
     return session.seen("max_gap_s")
 
 
-@pytest.mark.parametrize("late_ms", [150, -1230, 50])
+@pytest.mark.parametrize("late_ms", [300, -300, 50])
 @pytest.mark.parametrize("live", [False, True])
 def test_stamps_far_from_their_receipt_are_named_live_as_in_recordings(late_ms, live):
     """Whatever the clock of the receiver; live the last of them count."""
     text = said(seen_with(late_ms, Arrivals(2000, 100) if live else Arrivals()), live=live)
     way = "behind" if late_ms > 0 else "ahead of"
-    stamps = f"stamps are {abs(late_ms) / 1000:g} s {way} the strain received with them"
-    expected = f"{stamps}: another clock, or the time of sending?"
-    assert text == (expected if late_ms != 50 else "")
+    expected = f"stamps are 0.3 s {way} the strain received with them: another clock, or the time of sending?"
+    assert text == (expected if abs(late_ms) == 300 else "")
 
 
 def test_advice_names_the_option_of_the_door():
