@@ -41,7 +41,7 @@ def test_all_processes_are_stopped(executables, tmp_path):
     with contextlib.closing(Nodes(tmp_path)) as nodes:
         nodes.start("filter", {"seed": 7, "model": "off"})
         log = tmp_path / "filter.log"
-        wait_until(lambda: "started" in log.read_text(), "its line")
+        wait_until(lambda: log.read_text().endswith("\n"), "its whole line")
         nodes.check()
         assert "config/simulator.yaml', '-p', 'seed:=7', '-p', 'model:=\"off\"']" in log.read_text()
     assert children(os.getpid()) == before
