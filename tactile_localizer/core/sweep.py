@@ -37,7 +37,7 @@ class Evidence(NamedTuple):
 
 
 class Sweep(NamedTuple):
-    """What is known of a sweep, along the P trajectories of the states and then the R of the anchors.
+    """What is known of a sweep along each trajectory: those of the P states, then those of the R anchors.
 
     Parameters
     ----------

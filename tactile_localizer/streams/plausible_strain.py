@@ -27,7 +27,7 @@ _HELD, _REGULAR = 2, 0.9
 """Median number of samples from one change of the strain to the next where it is held, and fraction of them
 that differ from it by up to one."""
 _GAIN = 4.0
-"""Ratio of the noise of a sweep to that of the median sweep, in every channel, above which it is reported."""
+"""A sweep is reported whose noise, in every channel, is more than so many times that of the median sweep."""
 _BLOCK_S, _BLOCKS, _AT_REST, _AS_MUCH, _ABOVE_NOISE = 0.2, 10, 0.05, 0.5, 2.0
 """Time in which changes are compared, s; number of those at rest and in motion; motion at rest, and change of
 the strain at rest, both by those in motion; change in motion by that which white noise has."""

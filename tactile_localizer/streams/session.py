@@ -169,7 +169,7 @@ class Session(Generic[T]):
         self._waiting.append(_Waiting(both, self.run, stamp_ns, measurement))
 
     def mark(self, run: int, after_ns: int, sweep: int) -> None:
-        """Let a sweep, or :data:`~.sweep_detector.NO_SWEEP`, begin after a stamp of a run, ns.
+        """Begin a sweep after a stamp of a run, ns; :data:`~.sweep_detector.NO_SWEEP` only ends the last one.
 
         It takes the place of the marks that are not before it, and holds until the next one.
         """
