@@ -123,8 +123,17 @@ class Trial:
                 found.append((row, measurement))
         return found
 
+    @cached_property
+    def _outcomes(self) -> dict[float, Outcome]:
+        return {}
+
     def localize(self, information_length: float) -> Outcome:
-        """How it is localized, scoring what is published of the truth."""
+        """How it is localized, scoring what is published of the truth; done once for each length."""
+        if information_length not in self._outcomes:
+            self._outcomes[information_length] = self._localized(information_length)
+        return self._outcomes[information_length]
+
+    def _localized(self, information_length: float) -> Outcome:
         localizer, (number, _, positions, *_) = self.localizer, self.sweep
         scene, radius, motion = localizer.scene, localizer.criteria.radius, MotionModel(localizer.scene)
         localizer.reset()
@@ -197,7 +206,10 @@ def _turns(trials: int, sweeps: int, rng: np.random.Generator) -> list[tuple[int
 
 
 def trials_on_map(count: int, model: SweepModel, build: Build, sweeps: Sequence[HeldOut]) -> Iterator[Trial]:
-    """``count`` sweeps from their start or from further on, each on the map without it."""
+    """``count`` sweeps from their start or from further on, each on the map without it.
+
+    Of few sweeps, each comes several times: from its start it is the same trial again.
+    """
     rng = np.random.default_rng(0)
     tracks = model.scan.tracks
     without = []
@@ -207,10 +219,13 @@ def trials_on_map(count: int, model: SweepModel, build: Build, sweeps: Sequence[
     maps, of_sweep = np.unique(without, axis=0, return_inverse=True)
     made = build(model, list(maps), tracks.scene)
     localizers = [made[number] for number in of_sweep.ravel().tolist()]
+    trials: dict[tuple[int, float], Trial] = {}
     for which, begins_late in _turns(count, len(sweeps), rng):
         begin = rng.uniform(0.15, 0.6) if begins_late else 0.0
-        part = _part(sweeps[which], np.arange(len(sweeps[which].positions)), begin, tracks.scene)
-        yield Trial(part, True, localizers[which], part.session is not None)
+        if (which, begin) not in trials:
+            part = _part(sweeps[which], np.arange(len(sweeps[which].positions)), begin, tracks.scene)
+            trials[which, begin] = Trial(part, True, localizers[which], part.session is not None)
+        yield trials[which, begin]
 
 
 def trials_off_map(count: int, model: SweepModel, build: Build, sweeps: Sequence[HeldOut]) -> Iterator[Trial]:

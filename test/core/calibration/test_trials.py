@@ -1,5 +1,6 @@
 """Held-out sweeps, and the maps on which they are localized."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -9,7 +10,7 @@ from support.scans import bump_scan
 from support.scans import scene as scene_of
 
 from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
-from tactile_localizer.core.calibration.trials import held_out, trials_on_map
+from tactile_localizer.core.calibration.trials import Trial, held_out, trials_on_map
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
@@ -54,6 +55,27 @@ def test_a_sweep_is_localized_without_its_session_where_another_lies_on_its_way(
             assert is_known.any() != is_of_second
     assert any(each.session is not None for each in sweeps)
     assert all(each.session is not None for each in sweeps) == (second == slice(None))
+
+
+def test_each_of_few_sweeps_is_localized_from_its_start_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would be the same again; from further on there is another begin each time."""
+    scan = bump_scan(SHEET)
+    model = learn_sweep_model(scan, SHEET, Material.SHEET)
+    sweeps = held_out(scan, model.scan.tracks, model.scan.spacing)[:3]
+    begins = {tuple(each.positions[0]) for each in sweeps}
+    made = Counter[tuple[tuple[float, ...], float]]()
+    monkeypatch.setattr(
+        Trial, "_localized", lambda trial, length: made.update([(tuple(trial.sweep.positions[0]), length)])
+    )
+    trials = list(trials_on_map(48, model, lambda _, out, __: [None] * len(out), sweeps))  # type: ignore[misc]
+    for length in (0.003, 0.005):
+        for trial in trials:
+            trial.localize(length)
+    assert len(trials) == 48
+    assert sum(tuple(trial.sweep.positions[0]) in begins for trial in trials) == 24
+    assert {count for (begin, _), count in made.items() if begin in begins} == {1}
+    assert len({begin for begin, _ in made} - begins) > 12
+    assert {length for _, length in made} == {0.003, 0.005}
 
 
 def test_the_sessions_of_a_scan_are_part_of_what_is_learned() -> None:
