@@ -84,7 +84,7 @@ def _learned_once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempP
     name = f"learned-{learned.version()}"
     learned.keep_in(cache.mkdir(name) if cache else tmp_path_factory.mktemp(name))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tactile_localizer.io.scans.learned.learn", learned.learn_once)
+        patch.setattr("tactile_localizer.io.scans.learned.learn_model", learned.calibrated_once)
         yield
 
 

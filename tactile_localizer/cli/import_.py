@@ -16,15 +16,16 @@ from tactile_localizer.cli.recordings import (
     naming_from_arguments,
     options_of,
 )
-from tactile_localizer.cli.scan import examined
+from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.errors import SceneError, counted, printable
 from tactile_localizer.io.csv.columns import MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.readers import importable
-from tactile_localizer.io.recording import Recording, delay_of, join, scan_of, undelayed
+from tactile_localizer.io.recording import Recording, delay_of, join, undelayed
 from tactile_localizer.io.scans.folder import STRAIN_DELAY, ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
+from tactile_localizer.io.scans.learned import Reading, learn_and_keep
 from tactile_localizer.io.scene_file import load_scene, save_scene
 from tactile_localizer.offline.examination import describe_examination, examination_findings
 from tactile_localizer.offline.scan_quality import findings
@@ -92,13 +93,13 @@ def run(args: argparse.Namespace) -> int:
         for line in assumptions:
             print(f"  {printable(line)}")
     del recording, whole  # a large one takes as much memory as all that follows
-    made = ScanFolder(args.output).recording()
-    print(f"{args.output}: {counted(len(made.sweeps), 'sweep')}, {counted(len(made), 'pair')}")
-    scan = scan_of(made, scene)
-    for note in (*notes, *filter(None, (text,)), *findings(scan, scene, made.sweeps)):
+    made = Reading.of(ScanFolder(args.output))
+    sweeps = made.recording.sweeps
+    print(f"{args.output}: {counted(len(sweeps), 'sweep')}, {counted(len(made.scan), 'pair')}")
+    for note in (*notes, *filter(None, (text,)), *findings(made.scan, scene, sweeps)):
         print(f"  {printable(note)}", flush=True)
-    del made
-    examination = examined(args.output, scan, scene)
+    with progress_line() as progress:
+        examination = learn_and_keep(made, scene, Configuration(), progress)[0].examination
     for line in (*describe_examination(scene, examination), *examination_findings(scene, examination)):
         print(f"  {printable(line)}")
     return 0

@@ -102,10 +102,19 @@ class Prepared(NamedTuple):
     still: np.ndarray
 
 
-def prepare(scan: Scan, scene: Scene, configuration: Configuration, calibration: Calibration) -> Prepared:
-    """What :func:`assemble` needs of a scan, with the arguments of :func:`build_localizer`."""
+def prepare(
+    scan: Scan,
+    scene: Scene,
+    configuration: Configuration,
+    calibration: Calibration,
+    learned: SweepModel | None = None,
+) -> Prepared:
+    """What :func:`assemble` needs of a scan, with the arguments of :func:`build_localizer`.
+
+    ``learned`` is the model of :func:`learn_model`; ``None``: it is learned here.
+    """
     scene = surroundings(scene, scan.positions_on(scene))
-    learned = learn_sweep_model(scan, scene, calibration.material, calibration.variance)
+    learned = learned or learn_sweep_model(scan, scene, calibration.material, calibration.variance)
     return _prepared(learned, scene, configuration, scan, still_travel(scan, scene))
 
 
@@ -196,8 +205,12 @@ def learn(scan: Scan, scene: Scene, progress: Progress | None = None) -> Calibra
 
     The progress is a part of that of :func:`build_localizer`, which continues it.
     """
-    say = progress or _silent
-    return _calibrated(scan, surroundings(scene, scan.positions_on(scene)), say)[0]
+    return learn_model(scan, scene, progress)[0]
+
+
+def learn_model(scan: Scan, scene: Scene, progress: Progress | None = None) -> tuple[Calibration, SweepModel]:
+    """What :func:`learn` does, and the model of the sweeps, for :func:`prepare`."""
+    return _calibrated(scan, surroundings(scene, scan.positions_on(scene)), progress or _silent)
 
 
 def convergence_criteria(scene: Scene, configuration: Configuration) -> ConvergenceCriteria:

@@ -18,9 +18,10 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from tactile_localizer.core.calibration.examination import Examination
+from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.errors import ParameterError, ScanError, TactileLocalizerError, counted
 from tactile_localizer.io.scans.folder import SESSIONS, STRAIN_DELAY, ScanFolder
-from tactile_localizer.io.scans.learned import learned_calibration
+from tactile_localizer.io.scans.learned import Reading, learn_and_keep
 from tactile_localizer.io.scans.recorder import StrainSample, SweepRecorder
 from tactile_localizer.io.scans.sweep_files import OpenSweep
 from tactile_localizer.io.scans.writer import ScanWriter
@@ -150,8 +151,8 @@ class MappingNode(ManagedNode):
         """Examine a scan, for the next start of the filter too, and log what it shows."""
 
         def examine() -> Examination:
-            scan = ScanFolder(path).load()
-            return learned_calibration(path, scan, self._scene, self._log_progress).examination
+            reading = Reading.of(ScanFolder(path))
+            return learn_and_keep(reading, self._scene, Configuration(), self._log_progress)[0].examination
 
         try:
             examination = await run_in_thread(self, examine)

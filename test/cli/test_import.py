@@ -12,7 +12,7 @@ import can
 import numpy as np
 import pytest
 from support.bags import SCENE, STORE, slide, status, write_bag
-from support.learned import unexamined
+from support.learned import unexamined, unlearned
 from support.notes import counts
 
 from tactile_localizer.cli import main, progress
@@ -40,7 +40,8 @@ def folder(tmp_path, monkeypatch):
 def run(folder, capsys, monkeypatch):
     """Function that runs an import; returns its status and what it printed, without progress."""
     monkeypatch.setattr(progress, "LINE_EVERY_S", math.inf)  # on a busy machine there would be lines of it
-    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn", unexamined)
+    monkeypatch.setattr("tactile_localizer.cli.import_.learn_and_keep", unlearned)
+    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn_model", unexamined)
 
     def call(arguments, *more):
         status = main(["import", *arguments.split(), *more])

@@ -230,7 +230,7 @@ def test_fabric_is_localized_globally(
     data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn", unexamined)
+    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn_model", unexamined)
     files = [str(data_dir / "fabric_slide" / f"Linen_F250_V20mmps_{repeat}.csv") for repeat in range(3)]
     reading = ["--columns", "fabric_slide.yaml", "--column", "x=timestamp*2e-5", "--scene", "linen.yaml"]
     assert main(["import", "csv", *files[:2], *reading, "-o", "linen_scan"]) == 0

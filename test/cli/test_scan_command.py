@@ -36,7 +36,7 @@ def record(path, scene=SCENE, unit="V"):
 @pytest.fixture
 def scan(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn", unexamined)
+    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn_model", unexamined)
     record(tmp_path / "bump_scan")
     (tmp_path / "bump_scan/dropped").mkdir()
     (tmp_path / "bump_scan/sweep_0002.npy").rename("bump_scan/dropped/sweep_0002.npy")

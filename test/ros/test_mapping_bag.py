@@ -32,7 +32,7 @@ def assert_same_scan(live, imported):
 
 @pytest.fixture(autouse=True)
 def _unexamined(monkeypatch):
-    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn", unexamined)
+    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn_model", unexamined)
 
 
 def slide_badly(hand):

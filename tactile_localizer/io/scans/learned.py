@@ -6,6 +6,8 @@ The calibration for the scan's own scene is in ``calibration.json``, what the fi
 to learn them again.
 """
 
+from __future__ import annotations
+
 import contextlib
 import dataclasses
 import json
@@ -21,9 +23,10 @@ import numpy as np
 
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import Examination
+from tactile_localizer.core.calibration.sweep_model import SweepModel
 from tactile_localizer.core.calibration.trials import Outcome
 from tactile_localizer.core.configuration import SWEEP_MIXTURE, Configuration
-from tactile_localizer.core.factory import LEARNED, assemble, build_localizer, learn, prepare
+from tactile_localizer.core.factory import LEARNED, Prepared, assemble, build_localizer, learn_model, prepare
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.strain_map import VarianceModel
 from tactile_localizer.core.localizer import Localizer
@@ -32,7 +35,7 @@ from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, make_map
 from tactile_localizer.errors import ScanError, SceneError, refusing
-from tactile_localizer.io.recording import SCENE_OF_SCAN, scan_of
+from tactile_localizer.io.recording import SCENE_OF_SCAN, Recording, scan_of
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.kept import key_of, load, store
 from tactile_localizer.io.scene_file import load_scene, scene_to_dict
@@ -58,6 +61,13 @@ def learned_calibration(
     scan, scene : training pairs and their scene
     progress : called with a description of the step and its completed fraction
     """
+    return _calibration(path, scan, scene, progress)[0]
+
+
+def _calibration(
+    path: str | Path, scan: Scan, scene: Scene, progress: Callable[[str, float], None] | None
+) -> tuple[Calibration, SweepModel | None]:
+    """The calibration, and the model of the sweeps if it was learned now."""
     digest, kept = digest_of(scan, scene), _file(Path(path), scene)
     with contextlib.suppress(OSError, ValueError, LookupError, TypeError, RecursionError):
         with open_file(kept) as file:
@@ -69,10 +79,10 @@ def learned_calibration(
                 Material(learned["material"]),
                 learned["variance"] and VarianceModel(**learned["variance"]),
                 _examination(learned["examination"]),
-            )
-    calibration = learn(scan, scene, progress)
+            ), None
+    calibration, model = learn_model(scan, scene, progress)
     store_calibration(kept, digest, calibration)
-    return calibration
+    return calibration, model
 
 
 class Contents(NamedTuple):
@@ -91,6 +101,37 @@ class Ready(NamedTuple):
     calibration: Calibration
     bounds: ScanRange
     contents: Contents
+
+
+class Reading(NamedTuple):
+    """A scan as it was read.
+
+    Parameters
+    ----------
+    folder : of the scan
+    states : keys of its files and of their content, before they were read
+    recording : its sweeps
+    scan : the same as pairs
+    """
+
+    folder: ScanFolder
+    states: tuple[str, ...]
+    recording: Recording
+    scan: Scan
+
+    @classmethod
+    def of(cls, folder: ScanFolder, states: tuple[str, ...] = ()) -> Reading:
+        """Read a scan, with a warning for each unused file; ``states`` are given where they are known.
+
+        Raises
+        ------
+        ScanError
+            As :meth:`.ScanFolder.load`.
+        """
+        states = states or (_files_key(folder)[0], _content_key(folder))
+        recording = folder.recording()
+        _log_notes(recording.notes)
+        return cls(folder, states, recording, scan_of(recording, folder.scene))
 
 
 def ready_localizer(
@@ -114,40 +155,86 @@ def ready_localizer(
     ScanError, SceneError, ParameterError
         As :meth:`.ScanFolder.load`, :func:`learned_calibration` and :func:`~.factory.build_localizer`.
     """
-    folder, kept = ScanFolder(path), _file(Path(path), scene)
-    is_kept, file = configuration.model == SWEEP_MIXTURE, kept.with_suffix(".npz")
-    key = partial(_key, kept=kept, scene=scene, configuration=configuration)
-    found, states = _load(folder, file, key) if is_kept else (None, ())
+    folder = ScanFolder(path)
+    if configuration.model != SWEEP_MIXTURE:
+        return _ready_with_another_model(folder, scene, configuration, rng, progress)
+    file, key = _keys(folder, scene, configuration)
+    found, states = _load(folder, file, key)
     if found is None:
-        recording = folder.recording()
-        scan = scan_of(recording, folder.scene)
-        scene.columns(scan.axes)  # rejects a foreign scene before anything is learned
-        scene.channels(scan.phalanges, scan.channels)
-        calibration = learned_calibration(path, scan, scene, progress)
-        if progress:
-            progress("building the map", LEARNED)
-        counts = len(scan), len(scan.sweep_numbers)
-        contents = Contents(*counts, make_map(scan, scene), recording.notes)
-        if not is_kept:
-            _log_notes(contents)
-            localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
-            return Ready(localizer, calibration, ScanRange.of(scan, localizer.scene), contents)
-        found = calibration, prepare(scan, scene, configuration, calibration), contents
-        if states[-1] == _content_key(folder):  # it may be recorded at this moment
-            try:
-                store(file, [*map(key, states)], found)
-            except (ScanError, TypeError) as error:
-                _log.warning("%s; the next start learns again", error)
+        found = learn_and_keep(Reading.of(folder, states), scene, configuration, progress)
+    else:
+        _log_notes(found[-1].notes)
     calibration, prepared, contents = found
-    _log_notes(contents)
     localizer = assemble(prepared, configuration, calibration, rng)
     if progress:
         progress("ready", 1.0)
     return Ready(localizer, calibration, prepared.bounds, contents)
 
 
-def _log_notes(contents: Contents) -> None:
-    for note in contents.notes:
+def learn_and_keep(
+    reading: Reading,
+    scene: Scene,
+    configuration: Configuration,
+    progress: Callable[[str, float], None] | None = None,
+) -> tuple[Calibration, Prepared, Contents]:
+    """What :func:`ready_localizer` makes a localizer of, kept for its next start if no file has changed.
+
+    Arguments and errors are those of :func:`ready_localizer`, but for the scan, which was read.
+    """
+    folder, states, recording, scan = reading
+    _require_columns(scan, scene)
+    calibration, model = _calibration(folder.path, scan, scene, progress)
+    if progress:
+        progress("building the map", LEARNED)
+    prepared = prepare(scan, scene, configuration, calibration, model)
+    found = calibration, prepared, _contents(scan, scene, recording.notes)
+    if states[-1] == _content_key(folder):  # it may be recorded at this moment
+        file, key = _keys(folder, scene, configuration)
+        try:
+            store(file, [*map(key, states)], found)
+        except (ScanError, TypeError) as error:
+            _log.warning("%s; the next start learns again", error)
+    return found
+
+
+def _ready_with_another_model(
+    folder: ScanFolder,
+    scene: Scene,
+    configuration: Configuration,
+    rng: np.random.Generator,
+    progress: Callable[[str, float], None] | None,
+) -> Ready:
+    """A localizer whose model was made by others: nothing of it is kept but the calibration."""
+    _, _, recording, scan = Reading.of(folder)
+    _require_columns(scan, scene)
+    calibration = learned_calibration(folder.path, scan, scene, progress)
+    localizer = build_localizer(scan, scene, configuration, rng, progress, calibration)
+    return Ready(
+        localizer, calibration, ScanRange.of(scan, localizer.scene), _contents(scan, scene, recording.notes)
+    )
+
+
+def _require_columns(scan: Scan, scene: Scene) -> None:
+    """Reject a foreign scene before anything is learned."""
+    scene.columns(scan.axes)
+    scene.channels(scan.phalanges, scan.channels)
+
+
+def _contents(scan: Scan, scene: Scene, notes: Sequence[str]) -> Contents:
+    return Contents(len(scan), len(scan.sweep_numbers), make_map(scan, scene), notes)
+
+
+def _keys(
+    folder: ScanFolder, scene: Scene, configuration: Configuration
+) -> tuple[Path, Callable[[str], str]]:
+    """File of what a filter needs of a scan, and what makes its key of a state of the scan."""
+    kept = _file(folder.path, scene)
+    key = partial(_key, kept=kept, scene=scene, configuration=configuration)
+    return kept.with_suffix(".npz"), key
+
+
+def _log_notes(notes: Sequence[str]) -> None:
+    for note in notes:
         _log.warning("%s", note)
 
 

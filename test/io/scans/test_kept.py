@@ -9,13 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.learned import unexamined
 from support.sweeps import write_scan
 
+from tactile_localizer.cli import main
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.localizer import Estimate, Localizer
 from tactile_localizer.io.scans import kept, learned
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import ready_localizer
+from tactile_localizer.resources import resource_path
 from tactile_localizer.scene import Scene
 
 
@@ -94,6 +97,17 @@ def test_a_start_from_what_was_kept_reads_no_sweep(
     assert len(prepared) == 1
 
 
+def test_a_start_after_an_import_reads_no_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor learns it the map again: an import has learned it."""
+    monkeypatch.setattr(learned, "learn_model", unexamined)
+    scene, scan = resource_path("examples/recordings/engine_bump") / "scene.yaml", tmp_path / "scan"
+    train = scene.with_name("train.csv.gz")
+    assert main(["import", "csv", f"{train}", "--scene", f"{scene}", "-o", f"{scan}"]) == 0
+    monkeypatch.setattr(ScanFolder, "recording", None)
+    monkeypatch.setattr(learned, "_content_key", None)
+    ready(scan)
+
+
 def test_what_changed_is_learned_again(
     path: Path, prepared: list[Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -115,7 +129,7 @@ def test_what_changed_is_learned_again(
         "pairs": rewritten(sweep),
         "calibration": calibration.unlink,
     }
-    monkeypatch.setattr(learned, "learn", lambda *_: learned.Calibration(np.full(2, 1e-3)))
+    monkeypatch.setattr(learned, "learn_model", lambda *_: (learned.Calibration(np.full(2, 1e-3)), None))
     for count, (name, change) in enumerate(changes.items(), start=2):
         change()
         ready(path)

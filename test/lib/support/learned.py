@@ -17,6 +17,7 @@ from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.factory import learn
 from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.scan import Scan
+from tactile_localizer.io.scans.learned import Reading
 from tactile_localizer.scene import Scene
 
 _PACKAGE = Path(__file__).parents[3] / "tactile_localizer"
@@ -51,6 +52,18 @@ def learn_once(scan: Scan, scene: Scene, progress: Callable[[str, float], None] 
     return calibration
 
 
-def unexamined(_scan: Scan, scene: Scene, _progress: object = None) -> Calibration:
+def calibrated_once(
+    scan: Scan, scene: Scene, progress: Callable[[str, float], None] | None = None
+) -> tuple[Calibration, None]:
+    """In place of :func:`~.factory.learn_model`, without the model, which is learned again where needed."""
+    return learn_once(scan, scene, progress), None
+
+
+def unexamined(_scan: Scan, scene: Scene, _progress: object = None) -> tuple[Calibration, None]:
     """In place of learning, in tests of what is imported, which do not ask what it is good for."""
-    return Calibration(np.full(scene.dimension, 1e-3))
+    return Calibration(np.full(scene.dimension, 1e-3)), None
+
+
+def unlearned(_reading: Reading, scene: Scene, *_others: object) -> tuple[Calibration, None, None]:
+    """In place of learning and keeping what a filter needs, in the same tests."""
+    return unexamined(_reading.scan, scene)[0], None, None

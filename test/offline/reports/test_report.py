@@ -142,7 +142,7 @@ def test_any_scene_and_name_can_be_reported(
     axes: tuple[Axis, ...], options: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn", unexamined)
+    monkeypatch.setattr("tactile_localizer.io.scans.learned.learn_model", unexamined)
     save_scene(sheet(axes, "<script>alert(1)</script>"), "scene.yaml")
     rng, x, stamp_s = np.random.default_rng(0), np.linspace(0.0, 0.05, 61), 0.0
     header = ",".join(
