@@ -22,7 +22,7 @@ from tactile_localizer.errors import SceneError, counted, printable
 from tactile_localizer.io.csv.columns import MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.readers import importable
-from tactile_localizer.io.recording import Recording, delay_of, join, undelayed
+from tactile_localizer.io.recording import Recording, delay_of, join
 from tactile_localizer.io.scans.folder import STRAIN_DELAY, ScanFolder
 from tactile_localizer.io.scans.importer import import_recording
 from tactile_localizer.io.scans.learned import Reading, learn_and_keep
@@ -70,18 +70,13 @@ def run(args: argparse.Namespace) -> int:
         if scene is None:
             scene, assumptions = _proposed(args)
         options = options_of(args, scene, [args.kind] * len(args.recordings))
-        read = partial(_read, args, scene, options)
-        recording = read(_detector(args, scene))
-        # Without the return strokes there is nothing to compare.
-        whole = read(None) if args.detect_sweeps == "one_way" and args.delay is None else recording
+        recording, delay_s, text = _read_undelayed(args, scene, options)
     except MissingColumnError as error:
         for line in error.template.splitlines():
             print(printable(line))
         raise
     detail = _detail(args, options[0])
-    delay_s, text = _delay(args, scene, whole)
     if delay_s:
-        recording = undelayed(recording, scene.axes, delay_s, args.max_gap)
         detail[STRAIN_DELAY] = round(delay_s, 4)
     scene.cells(_CELL_M / levers(scene))
     what = f"import {args.kind}"
@@ -92,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"{path}: a proposed scene; correct it and import again with --scene {path} if this is wrong:")
         for line in assumptions:
             print(f"  {printable(line)}")
-    del recording, whole  # a large one takes as much memory as all that follows
+    del recording  # a large one takes as much memory as all that follows
     made = Reading.of(ScanFolder(args.output))
     sweeps = made.recording.sweeps
     print(f"{args.output}: {counted(len(sweeps), 'sweep')}, {counted(len(made.scan), 'pair')}")
@@ -116,10 +111,29 @@ def _detail(args: argparse.Namespace, options: Mapping[str, Any]) -> dict[str, A
     return detail
 
 
-def _delay(args: argparse.Namespace, scene: Scene, recording: Recording) -> tuple[float, str]:
-    """The delay of the strain to correct, s, that given or a significant one, and what is said about it."""
+def _read_undelayed(
+    args: argparse.Namespace, scene: Scene, options: Sequence[Mapping[str, Any]]
+) -> tuple[Recording, float, str]:
+    """The recordings as one, the delay of the strain that it has no more, s, and what is said about it.
+
+    Without ``--delay`` it is estimated from the recordings, which are read again if there is one.
+    """
+    read = partial(_read, args, scene, options)
     if args.delay is not None:
-        return args.delay, f"strain is taken as {args.delay:g} s late (--delay)" if args.delay else ""
+        text = f"strain is taken as {args.delay:g} s late (--delay)" if args.delay else ""
+        return read(args.detect_sweeps, args.delay), args.delay, text
+    # Without the return strokes there is nothing to compare.
+    strokes = None if args.detect_sweeps == "one_way" else args.detect_sweeps
+    recording = read(strokes)
+    delay_s, text = _delay(args, scene, recording)
+    if delay_s or strokes != args.detect_sweeps:
+        del recording  # before it is in memory twice
+        recording = read(args.detect_sweeps, delay_s)
+    return recording, delay_s, text
+
+
+def _delay(args: argparse.Namespace, scene: Scene, recording: Recording) -> tuple[float, str]:
+    """A significant delay of the strain, s, and what is said about it."""
     if (delay := delay_of(recording, scene.axes)) is None:
         return 0.0, HIDDEN if args.kind == "bag" or vars(args).get("poses") else ""
     if not delay.is_significant:
@@ -132,21 +146,21 @@ def _read(
     args: argparse.Namespace,
     scene: Scene,
     options: Sequence[Mapping[str, Any]],
-    detector: SweepDetector | None,
+    strokes: str | None,
+    delay_s: float = 0.0,
 ) -> Recording:
-    """The recordings as one; messages that an adapter reads have the same names in all of them."""
-    reader, more = importable()[args.kind], dict[str, Any](detector=detector)
+    """The recordings as one; messages that an adapter reads have the same names in all of them.
+
+    ``strokes`` is which sweeps to detect in the motion, as ``--detect-sweeps``.
+    """
+    detector = SweepDetector(scene.axes, one_way=strokes == "one_way") if strokes else None
+    reader = importable()[args.kind]
+    more: dict[str, Any] = {"detector": detector, "delay_s": delay_s, "max_gap_s": args.max_gap}
     with progress_line() as progress:
         more |= {"progress": progress} if args.kind in ("bag", "can") else {}
         more |= {"adapter": adapter} if (adapter := options[0].get("adapter")) else {}
         each = zip(args.recordings, options, strict=True)
         return join([reader.read(path, scene, **{**own, **more}) for path, own in each])
-
-
-def _detector(args: argparse.Namespace, scene: Scene) -> SweepDetector | None:
-    if args.detect_sweeps is None:
-        return None
-    return SweepDetector(scene.axes, one_way=args.detect_sweeps == "one_way")
 
 
 def _proposed(args: argparse.Namespace) -> tuple[Scene, list[str]]:

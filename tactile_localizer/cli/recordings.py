@@ -17,7 +17,7 @@ from tactile_localizer.errors import CanError, ParameterError, ScanError
 from tactile_localizer.io.bags.sweeps import TOPICS
 from tactile_localizer.io.csv.columns import ColumnNaming, load_naming, naming_from_dict, naming_from_pairs
 from tactile_localizer.io.readers import reader_of
-from tactile_localizer.io.recording import Recording, delay_of, gap_notes, undelayed
+from tactile_localizer.io.recording import Recording, delay_of, gap_notes
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scene_file import load_scene
 from tactile_localizer.io.strain_adapter import load_adapter
@@ -128,14 +128,14 @@ def _bag_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     adapter = load_adapter(given_or_shipped(args.adapter, "config/adapters")) if args.adapter else None
     if adapter is not None:
         adapter = adapter.expect(_imported(args, "bag", "names"))
-    options = {"topics": topics, "frame": frame, "palm_frame": args.palm_frame, "max_gap_s": args.max_gap}
+    options = {"topics": topics, "frame": frame, "palm_frame": args.palm_frame}
     options |= {"adapter": adapter, "definitions": args.definitions}
     return {**options, "by_status": "scan" not in args}  # an import wants the sweeps that were scanned
 
 
 def _csv_options(args: argparse.Namespace, scene: Scene, kind: str = "csv") -> dict[str, Any]:
     naming = naming_from_arguments(args, _imported(args, kind, "columns"))
-    return {"naming": naming, "poses": args.poses, "max_gap_s": args.max_gap}
+    return {"naming": naming, "poses": args.poses}
 
 
 def _can_options(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
@@ -275,23 +275,17 @@ def _absolute(given: Any) -> Any:
     return InputPath(str(Path(given).absolute())) if is_there else given
 
 
-def _noted(recording: Recording, scene: Scene) -> Recording:
-    """A recording with notes about strain that lacks a position, is implausible, or is late."""
-    notes = [*recording.notes, *gap_notes(recording), *strain_findings(scene, recording.sweeps)]
+def _noted(recording: Recording, scene: Scene, taken: str) -> Recording:
+    """A recording with notes about how its strain is taken, lacks a position, is implausible, or is late."""
+    notes = [
+        *recording.notes,
+        *[f"{recording.source}: {taken}"] * bool(taken),
+        *gap_notes(recording),
+        *strain_findings(scene, recording.sweeps),
+    ]
     if (delay := delay_of(recording, scene.axes)) and delay.is_significant:
         notes.append(f"{recording.source}: {delay}; --delay {delay.seconds:.3f} corrects it")
     return replace(recording, notes=tuple(notes))
-
-
-def _undelayed(args: argparse.Namespace, scene: Scene, recording: Recording) -> Recording:
-    """A recording without the delay of the strain that is given, or that of the scan's import."""
-    delay_s = ScanFolder(args.scan).strain_delay_s if args.delay is None else args.delay
-    if not delay_s:
-        return recording
-    why = "as in the scan; --delay 0 takes it as it is" if args.delay is None else "--delay"
-    note = f"{recording.source}: strain is taken as {delay_s:.3f} s late ({why})"
-    without = undelayed(recording, scene.axes, delay_s, args.max_gap)
-    return replace(without, notes=(*without.notes, note))
 
 
 def _read_odometry(
@@ -305,9 +299,14 @@ def _read_odometry(
         It cannot be read.
     """
     reader = reader_of(args.recordings[number])
-    recording = reader.read(args.recordings[number], scene, **options)
-    if reader.kind != "scan":  # which was imported so
-        recording = _noted(_undelayed(args, scene, recording), scene)
+    read = partial(reader.read, args.recordings[number], scene, **options)
+    if reader.kind == "scan":  # whose import has corrected the delay
+        recording = read()
+    else:
+        delay_s = ScanFolder(args.scan).strain_delay_s if args.delay is None else args.delay
+        why = "as in the scan; --delay 0 takes it as it is" if args.delay is None else "--delay"
+        taken = f"strain is taken as {delay_s:.3f} s late ({why})" if delay_s else ""
+        recording = _noted(read(delay_s=delay_s, max_gap_s=args.max_gap), scene, taken)
     with_truth = [sweep for sweep in recording.sweeps if sweep.truth is not None]
     if reader.kind == "bag" or (with_truth and len(with_truth) == len(recording.sweeps)):
         return recording, RECORDED

@@ -26,6 +26,7 @@ from tactile_localizer.io.recording import (
     cut_rows,
     is_scan,
     numbered_apart,
+    undelayed,
 )
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.status import missing_status
@@ -33,6 +34,7 @@ from tactile_localizer.plugins import installed, named_faults, only
 from tactile_localizer.scene import Scene
 from tactile_localizer.streams.runs import runs_of
 from tactile_localizer.streams.sweep_detector import SweepDetector
+from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -50,7 +52,8 @@ class Reader:
     kind : as ``import`` names it
     what : its recordings, in the plural
     suffixes : of its files, in lower case
-    read : reads the recording at a path for a scene, with the options of the kind
+    read : reads the recording at a path for a scene, with the options of the kind and, but of a scan, the
+        ``delay_s`` by which its strain is late
     """
 
     kind: str
@@ -151,7 +154,13 @@ def _scan(path: str | Path, scene: Scene) -> Recording:
 
 
 def _of_other(
-    entries: list[EntryPoint], path: str | Path, scene: Scene, *, detector: SweepDetector | None = None
+    entries: list[EntryPoint],
+    path: str | Path,
+    scene: Scene,
+    *,
+    detector: SweepDetector | None = None,
+    delay_s: float = 0.0,
+    max_gap_s: float = DEFAULT_MAX_GAP_S,
 ) -> Recording:
     """What a reader of another package reads: with arrays that fit the scene, cut into sweeps as others."""
     entry, package = only(entries, ScanError)
@@ -168,7 +177,8 @@ def _of_other(
             found, of_rows = cut_rows(what_rows, samples, run, number, detector)
             sweeps += found
             notes += of_rows
-        return replace(recording, sweeps=tuple(numbered_apart(sweeps)), notes=tuple(notes))
+        read = replace(recording, sweeps=tuple(numbered_apart(sweeps)), notes=tuple(notes))
+        return undelayed(read, scene.axes, delay_s, max_gap_s)
 
 
 def _fitting(what: str, sweep: RecordedSweep, scene: Scene) -> RecordedSweep:

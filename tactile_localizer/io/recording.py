@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,7 +21,7 @@ from tactile_localizer.scene import LARGEST_STRAIN, Axis, Scene
 from tactile_localizer.streams.arrivals import Seen
 from tactile_localizer.streams.delay import Delay, Track, estimate_delay
 from tactile_localizer.streams.findings import findings
-from tactile_localizer.streams.runs import LATE, NANOSECONDS
+from tactile_localizer.streams.runs import LATE, NANOSECONDS, rows_at
 from tactile_localizer.streams.sweep_detector import NO_SWEEP, SweepDetector
 from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S, interpolate_poses
 
@@ -204,7 +205,7 @@ def detection_notes(number: np.ndarray) -> list[str]:
 def undelayed(
     recording: Recording, axes: tuple[Axis, ...], delay_s: float, max_gap_s: float = DEFAULT_MAX_GAP_S
 ) -> Recording:
-    """A recording whose strain is late, with the stamps and positions at which the strain was felt.
+    """A recording whose only poses are those of its samples, with the positions where late strain was felt.
 
     Parameters
     ----------
@@ -212,32 +213,30 @@ def undelayed(
     delay_s : time by which the strain is late, s
     max_gap_s : longest time between two samples across which positions are interpolated, s
     """
+    if not delay_s:
+        return recording
     sweeps: list[RecordedSweep] = []
     for run in _runs_of_sweeps(recording.sweeps):
-        stamp_ns, position, number = (
-            np.concatenate(each)
-            for each in zip(
-                *((each.stamp_ns, each.position, np.full(len(each), row)) for row, each in enumerate(run)),
-                strict=True,
-            )
-        )
-        felt_ns = stamp_ns - round(delay_s * NANOSECONDS)
-        there, found = interpolate_poses(axes, stamp_ns, position, felt_ns, max_gap_s)
-        before = np.searchsorted(stamp_ns, felt_ns, side="right").clip(1) - 1
-        for row, sweep in enumerate(run):
-            own = np.flatnonzero(found & (number[before] == row))
-            arrays: dict[str, Any] = {
-                name: np.concatenate([getattr(each, name) for each in run])[own]
-                for name, value in vars(sweep).items()
-                if isinstance(value, np.ndarray) and all(getattr(each, name) is not None for each in run)
-            }
-            arrays |= {"stamp_ns": felt_ns[own], "position": there[own]}
-            if "truth" in arrays:
-                truth = np.concatenate([each.truth for each in run if each.truth is not None])
-                arrays["truth"] = interpolate_poses(axes, stamp_ns, truth, felt_ns[own], max_gap_s)[0]
-            gaps = sweep.gaps + int(np.count_nonzero(~found & (number == row)))
-            sweeps.append(replace(sweep, **arrays, gaps=gaps))
+        samples = _joined(run)
+        felt_ns = samples.stamp_ns - round(delay_s * NANOSECONDS)
+        at_felt = partial(interpolate_poses, axes, samples.stamp_ns, stamp_ns=felt_ns, max_gap_s=max_gap_s)
+        truth = None if samples.truth is None else at_felt(samples.truth)[0]
+        felt = replace(samples, stamp_ns=felt_ns, position=at_felt(samples.position)[0], truth=truth)
+        row = np.repeat(np.arange(len(run)), [len(each) for each in run])
+        row = row[rows_at(samples.stamp_ns, felt_ns)]
+        for part in cut(felt, np.zeros_like(row), row):
+            own = run[part.number]
+            gaps = own.gaps + part.gaps
+            sweeps.append(replace(part, number=own.number, gaps=gaps, skipped=own.skipped, ending=own.ending))
     return replace(recording, sweeps=tuple(sweeps))
+
+
+def _joined(run: Sequence[RecordedSweep]) -> RecordedSweep:
+    """The samples of sweeps as one, with the arrays that all of them have."""
+    columns = {name: [getattr(each, name) for each in run] for name in vars(run[0])}
+    is_array = {name: {*map(type, each)} == {np.ndarray} for name, each in columns.items()}
+    arrays: dict[str, Any] = {name: np.concatenate(columns[name]) for name in columns if is_array[name]}
+    return replace(run[0], **{"truth": None, "felt": None, **arrays})
 
 
 def _runs_of_sweeps(sweeps: Sequence[RecordedSweep]) -> Iterator[list[RecordedSweep]]:

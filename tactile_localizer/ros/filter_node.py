@@ -250,7 +250,8 @@ class FilterNode(ManagedNode):
         self._age_s = {name: (now_ns - last_ns) / NANOSECONDS for name, last_ns in self._last_ns.items()}
         age_s = self._age_s["estimate"]
         if self._online.latest is not None:
-            newest_ns = self._inputs.session.newest_input_ns - max(self._inputs.delay_ns, 0)
+            session = self._inputs.session
+            newest_ns = session.newest_input_ns - max(session.delay_ns, 0)
             behind_ns = newest_ns - self._online.latest.stamp_ns
             age_s = max(age_s, behind_ns / NANOSECONDS)
         was_stale = bool(self._stale)

@@ -96,3 +96,8 @@ def runs_of(stamp_ns: np.ndarray) -> np.ndarray:
         return np.zeros(len(stamp_ns), dtype=np.intp)
     runs = Runs()
     return np.array([runs.add(STRAIN, each) for each in stamp_ns.tolist()], dtype=np.intp)
+
+
+def rows_at(stamp_ns: np.ndarray, at_ns: np.ndarray) -> np.ndarray:
+    """Rows (n,) of rising stamps (m,), ns, that are the newest at stamps (n,); before all, the first."""
+    return np.searchsorted(stamp_ns, at_ns, side="right").clip(1) - 1

@@ -67,12 +67,14 @@ class Session(Generic[T]):
     max_gap_s : longest time between the two poses around a strain vector, s
     patience_s : a strain vector that is older than the newest by more than this waits no longer, s; that of a
         recording, all of which comes in before the pairs are taken, may wait for ever
+    delay_s : time by which the strain is late against the poses, s; its stamps become those when it was felt
     detector : detects the sweeps in the motion; ``None``: :meth:`mark` begins and ends them
     arrivals : keeps what arrives in time, for :meth:`seen`
 
     Attributes
     ----------
     runs : runs of both topics
+    delay_ns : time that is subtracted from the stamps of the strain, ns
     forward_jumps : number of strain stamps more than ``patience_s`` after the last: silence, or a clock set
     """
 
@@ -82,6 +84,7 @@ class Session(Generic[T]):
         *,
         max_gap_s: float = DEFAULT_MAX_GAP_S,
         patience_s: float = DEFAULT_PATIENCE_S,
+        delay_s: float = 0.0,
         detector: SweepDetector | None = None,
         arrivals: Arrivals | None = None,
     ) -> None:
@@ -89,6 +92,7 @@ class Session(Generic[T]):
         self.runs, self.forward_jumps = Runs(), 0
         self._axes, self._max_gap_s, self._detector = axes, max_gap_s, detector
         self._patience_ns = patience_s * NANOSECONDS
+        self.delay_ns = round(delay_s * NANOSECONDS)
         # Poses are kept for as long as a strain vector that needs them may wait.
         self._length_ns = 2 * self._patience_ns + max_gap_s * NANOSECONDS
         self._poses: dict[int, tuple[list[int], list[np.ndarray]]] = {}  # stamps and positions by run
@@ -161,10 +165,11 @@ class Session(Generic[T]):
 
     def add_strain(self, stamp_ns: int, measurement: T, received_ns: int | None = None) -> None:
         """Add a strain vector, with its time of receipt, ns, if that is known."""
-        newest_ns = self.newest_ns
+        newest_ns, stamp_ns = self.newest_ns, stamp_ns - self.delay_ns
         if (both := self.runs.add(STRAIN, stamp_ns)) == LATE:
             return
-        self._arrivals.add_strain(stamp_ns, received_ns)
+        # The clocks agree where strain is known to be late.
+        self._arrivals.add_strain(stamp_ns, received_ns and received_ns - self.delay_ns)
         self.forward_jumps += newest_ns is not None and stamp_ns - newest_ns > self._patience_ns
         self._waiting.append(_Waiting(both, self.run, stamp_ns, measurement))
 

@@ -53,6 +53,14 @@ def test_patience_is_measured_by_stamps():
     assert summary(session.finish()) == [(250, None), (251, None)]
 
 
+def test_late_strain_is_paired_where_it_was_felt():
+    session = Session(AXES, delay_s=0.005)
+    pose(session, 100, 0.1)
+    assert strain(session, 107) == []
+    assert pose(session, 110, 0.2) == [(102, 0.12)]
+    assert (session.newest_ns, session.newest_pose_ns) == (102 * MS, 110 * MS)
+
+
 def test_late_messages_are_dropped_and_counted():
     session = Session(AXES)
     pose(session, 100, 0.1)
@@ -154,8 +162,8 @@ def require_same(pairs, others):
     np.testing.assert_array_equal(*places)
 
 
-@given(st.integers(0, 2**32))
-def test_a_recorded_session_is_the_live_one_whatever_the_order_of_arrival(seed):
+@given(st.integers(0, 2**32), st.sampled_from([0.0, 0.07, -0.05]))
+def test_a_recorded_session_is_the_live_one_whatever_the_order_of_arrival(seed, delay_s):
     """Jumps included, whichever topic jumps first."""
     rng = np.random.default_rng(seed)
     (strain_ns, pose_ns), (strain_at, pose_at) = streams(rng)
@@ -164,9 +172,9 @@ def test_a_recorded_session_is_the_live_one_whatever_the_order_of_arrival(seed):
         np.argsort(np.concatenate([strain_at + apart, pose_at]), kind="stable")
         for apart in (0, rng.integers(-200, 200))
     )
-    live = fed(Session(AXES), strain_ns, pose_ns, x, order, Session.take)
+    live = fed(Session(AXES, delay_s=delay_s), strain_ns, pose_ns, x, order, Session.take)
     for arrived in (order, other):
-        recorded = Session(AXES, patience_s=math.inf)
+        recorded = Session(AXES, patience_s=math.inf, delay_s=delay_s)
         require_same(fed(recorded, strain_ns, pose_ns, x, arrived, lambda session: []), live)
     assert recorded.run == np.count_nonzero(np.diff(strain_ns) < -500 * MS)
 

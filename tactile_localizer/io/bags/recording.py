@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -49,6 +50,7 @@ def read_bag(
     frame: PalmFrame | None = None,
     palm_frame: str = "",
     max_gap_s: float = DEFAULT_MAX_GAP_S,
+    delay_s: float = 0.0,
     by_status: bool = True,
     detector: SweepDetector | None = None,
     adapter: StrainAdapter | None = None,
@@ -65,6 +67,7 @@ def read_bag(
     frame : frames in which palm poses are accepted; default: ``material``, and ``base_link`` untransformed
     palm_frame : frame of the palm, whose pose is looked up in tf, in place of the topic ``pose``
     max_gap_s : longest gap between poses that is interpolated, s
+    delay_s : time by which the strain is late against the poses, s
     by_status : if true, take the sweeps from the mapping node's status; if false, those of the localization:
         while the topic ``active`` is true, or else from each global localization in the filter node's
         posterior. A bag without these topics is one sweep
@@ -108,7 +111,8 @@ def read_bag(
         raise _nothing_on(path, pose if counts["strain"] else names["strain"], messages.topics, notes)
     if palm_frame:
         received = _with_poses_of_tf(received, frame, palm_frame.lstrip("/"))
-    session = _session(received, scene, max_gap_s, by_status, detector)
+    session_of = partial(_session, received, scene, max_gap_s, delay_s, by_status)
+    session = session_of(detector)
     counts = Counter(each.topic for each in received)
     for kind, what in ((STRAIN, "strain vectors"), (POSES, f"poses of {pose}")):
         runs, count = session.runs, counts["strain" if kind == STRAIN else "pose"]
@@ -118,7 +122,7 @@ def read_bag(
     pairs = session.finish()
     samples = _samples(pairs, scene)
     if counts["truth"]:
-        true = _session(received, scene, max_gap_s, by_status, poses="truth")
+        true = session_of(poses="truth")
         late, jumps = true.runs.late[POSES], true.runs.jumps[POSES]
         notes += stamp_notes(f"poses of {names['truth']}", counts["truth"], late, jumps)
         samples = replace(samples, truth=_samples(true.finish(), scene).position)
@@ -154,16 +158,23 @@ def _session(
     received: Sequence[Received],
     scene: Scene,
     max_gap_s: float,
+    delay_s: float,
     by_status: bool,
     detector: SweepDetector | None = None,
     poses: str = "pose",
 ) -> Session[StrainVector]:
     """The session in which messages were received, each with its topic's name in :data:`TOPICS`."""
     session: Session[StrainVector] = Session(
-        scene.axes, max_gap_s=max_gap_s, patience_s=math.inf, detector=detector, arrivals=Arrivals()
+        scene.axes,
+        max_gap_s=max_gap_s,
+        patience_s=math.inf,
+        delay_s=delay_s,
+        detector=detector,
+        arrivals=Arrivals(),
     )
     flags, travels = list[Mark](), list[Travel]()
     ahead_ns = max(value.stamp_ns - received_ns for name, received_ns, value in received if name == "strain")
+    ahead_ns -= session.delay_ns
     is_of_receiver = abs(ahead_ns) <= DEFAULT_PATIENCE_S * NANOSECONDS
     for name, received_ns, value in received:
         if name == "strain":
@@ -188,7 +199,8 @@ def _samples(pairs: Sequence[Pair[StrainVector]], scene: Scene) -> RecordedSweep
     """Samples of pairs as of one sweep; their positions are NaN where there is none."""
     unknown = np.full(scene.dimension, math.nan)
     position = np.array([unknown if each.position is None else each.position for each in pairs])
-    stamp_ns, strain, status = map(np.array, zip(*(each.measurement for each in pairs), strict=True))
+    stamp_ns = np.array([each.stamp_ns for each in pairs])
+    _, strain, status = map(np.array, zip(*(each.measurement for each in pairs), strict=True))
     return RecordedSweep(0, stamp_ns, position, strain, status)
 
 

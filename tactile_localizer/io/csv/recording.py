@@ -27,12 +27,13 @@ from tactile_localizer.io.recording import (
     join,
     pose_notes,
     row_notes,
+    undelayed,
 )
 from tactile_localizer.io.status import missing_status
 from tactile_localizer.scene import Scene
 from tactile_localizer.streams.arrivals import Seen
 from tactile_localizer.streams.clocks import is_of_zones
-from tactile_localizer.streams.runs import LATE, NANOSECONDS, runs_of
+from tactile_localizer.streams.runs import LATE, NANOSECONDS, rows_at, runs_of
 from tactile_localizer.streams.sweep_detector import SweepDetector
 from tactile_localizer.streams.synchronization import (
     DEFAULT_MAX_GAP_S,
@@ -56,6 +57,7 @@ def read_csv(
     *,
     poses: Sequence[str | Path] = (),
     max_gap_s: float = DEFAULT_MAX_GAP_S,
+    delay_s: float = 0.0,
     strain: Callable[[Path], Table] | None = None,
     detector: SweepDetector | None = None,
 ) -> Recording:
@@ -69,6 +71,7 @@ def read_csv(
     poses : files with the palm positions, one for all or one for each of ``paths``; their positions are
         interpolated at the stamps of the strain as the nodes do
     max_gap_s : longest time between two poses across which is interpolated, s
+    delay_s : time by which the strain is late against the poses, s
     strain : reads the strain of ``paths`` if these are no CSV files; then there are ``poses``
     detector : detects sweeps in the motion, within each of the recorded ones
 
@@ -91,18 +94,20 @@ def read_csv(
     if len(poses) not in (0, 1, len(files)):
         raise ScanError(f"poses: expected 1 or {len(files)} files beside {len(files)}, got {len(poses)}")
     beside = cycle([Path(path) for path in poses] or [None])
-    pairs = zip(files, beside)  # noqa: B905
-    return join([_read_file(path, scene, naming, pose, max_gap_s, strain, detector) for path, pose in pairs])
+    read = partial(_read_file, scene, naming, max_gap_s, delay_s, strain, detector)
+    recording = join([read(path, pose) for path, pose in zip(files, beside)])  # noqa: B905
+    return recording if poses else undelayed(recording, scene.axes, delay_s, max_gap_s)
 
 
 def _read_file(
-    path: Path,
     scene: Scene,
     naming: ColumnNaming,
-    pose_path: Path | None,
     max_gap_s: float,
+    delay_s: float,
     strain: Callable[[Path], Table] | None,
     detector: SweepDetector | None,
+    path: Path,
+    pose_path: Path | None,
 ) -> Recording:
     axes = {name: naming.of(name) for name in scene.axis_names}
     strains = {each.name: naming.of(each.name, each.channels) for each in scene.phalanges}
@@ -110,7 +115,7 @@ def _read_file(
         table = read_table(path, scene, naming, "stamp_s", {} if pose_path else axes, strains)
     else:
         table = strain(path)
-    label, notes = _sweep_numbers(path, table), table.notes
+    label, notes, stamp_ns = _sweep_numbers(path, table), table.notes, table.stamp_ns
     if pose_path is None:
         notes += _yaw_notes(path, naming, axes, table)
         position, run, truth = _of_rows(scene, naming, axes, table, label)
@@ -118,12 +123,13 @@ def _read_file(
         stamp = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
         poses = read_table(pose_path, scene, naming, stamp, axes, {})
         notes += [*poses.notes, *_yaw_notes(pose_path, naming, axes, poses)]
-        run, pose_run = runs_of(table.stamp_ns), runs_of(poses.stamp_ns)
+        run, pose_run = runs_of(stamp_ns), runs_of(poses.stamp_ns)
+        stamp_ns, label = _when_felt(stamp_ns, run, label, delay_s)
         notes += row_notes(f"rows of {pose_path}", pose_run)
-        shift = partial(_shift_advice, naming.of(stamp), path if strain else None, int(table.stamp_ns[0]))
+        shift = partial(_shift_advice, naming.of(stamp), path if strain else None, int(stamp_ns[0]))
         in_order = pose_run != LATE
         pose_ns, places = poses.stamp_ns[in_order], poses.position[in_order]
-        seen = Seen(scene.axes, table.stamp_ns[run != LATE], pose_ns, places, max_gap_s)
+        seen = Seen(scene.axes, stamp_ns[run != LATE], pose_ns, places, max_gap_s)
         notes += pose_notes(str(pose_path), seen, shift)
 
         def at_strain(positions: np.ndarray) -> np.ndarray:
@@ -132,21 +138,30 @@ def _read_file(
                 rows = pose_run == (number if pose_run.max() else 0)
                 return poses.stamp_ns[rows], positions[rows]
 
-            return interpolate_runs(scene.axes, run, table.stamp_ns, poses_of, max_gap_s)
+            return interpolate_runs(scene.axes, run, stamp_ns, poses_of, max_gap_s)
 
         position = at_strain(poses.position)
         truth = None if (known := _truth(scene, poses)) is None else at_strain(known)
     status, unit = missing_status(table.strain, scene.layout), naming.strain_unit
     felt = table.beside[FELT] > 0.0 if FELT in table.beside else None
-    samples = RecordedSweep(
-        0, table.stamp_ns, position, table.strain, status, truth, 0, felt, strain_unit=unit
-    )
+    samples = RecordedSweep(0, stamp_ns, position, table.strain, status, truth, 0, felt, strain_unit=unit)
     sweeps, of_rows = cut_rows(f"rows of {path}", samples, run, label, detector)
     notes += of_rows
     beside_ns = poses.stamp_ns if pose_path else np.empty(0)
     if finding := _implausible_stamps(table.stamp_ns, beside_ns, naming.of("stamp_s")):
         notes.append(f"{path}: {finding}")
     return Recording(str(path), tuple(sweeps), tuple(notes), table.lost + int(np.sum(run == LATE)))
+
+
+def _when_felt(
+    stamp_ns: np.ndarray, run: np.ndarray, label: np.ndarray, delay_s: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps (n,), ns, at which late strain was felt, and numbers (n,) of the sweeps in progress then."""
+    felt_ns, in_progress = stamp_ns - round(delay_s * NANOSECONDS), label.copy()
+    for each in {*run.tolist()} - {LATE} if delay_s else ():
+        rows = np.flatnonzero(run == each)
+        in_progress[rows] = label[rows[rows_at(stamp_ns[rows], felt_ns[rows])]]
+    return felt_ns, in_progress
 
 
 def _of_rows(

@@ -115,7 +115,6 @@ class TactileInputs:
     ----------
     session : pairs the strain vectors with poses
     received, invalid : numbers of messages and of invalid ones, by topic: ``strain`` and ``palm_pose``
-    delay_ns : time by which the strain is late, subtracted from its stamps, ns
     problems : why the last message of a topic was invalid; without the topics whose last one was valid
 
     Raises
@@ -142,12 +141,12 @@ class TactileInputs:
         """
         parameters = self._node.parameters
         self._axes, self._frame = scene.axes, self._palm_frame(scene.axes)
-        self.delay_ns = round(parameters["strain_delay_s"] * NANOSECONDS)
         self._reader = StrainReader(scene)
         self.session: Session[StrainSample] = Session(
             scene.axes,
             max_gap_s=parameters["max_gap_s"],
             patience_s=parameters["patience_s"],
+            delay_s=parameters["strain_delay_s"],
             detector=detector,
             arrivals=Arrivals(_POSES, _LEADS),
         )
@@ -317,9 +316,7 @@ class TactileInputs:
 
     def _add_strain(self, stamp_ns: int, sample: StrainSample, received_ns: int | None) -> None:
         self._recent.append(sample[0])
-        # Where strain is known to be late, its stamps are ahead by as much: the clocks agree nevertheless.
-        received_ns = received_ns and received_ns - self.delay_ns
-        self.session.add_strain(stamp_ns - self.delay_ns, sample, received_ns)
+        self.session.add_strain(stamp_ns, sample, received_ns)
 
     def _on_pose(self, message: PoseStamped, info: Mapping[str, int]) -> None:
         self._note_wait(info)

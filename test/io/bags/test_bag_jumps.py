@@ -49,7 +49,7 @@ def faulty_stream(rng):
     return sorted(happened, key=lambda one: one[1])
 
 
-def record_live(path, happened, detector=None):
+def record_live(path, happened, detector=None, delay_s=0.0):
     """Record messages with the classes of the mapping node, in one sweep if none are detected.
 
     Returns the messages with the status at the begin and end of each sweep.
@@ -62,7 +62,7 @@ def record_live(path, happened, detector=None):
         stamp.sec, stamp.nanosec = divmod(max(stamp_ns, 0), 10**9)
         published.append((STATUS, published[-1][1] if published else 0, message))
 
-    session = Session(SCENE.axes, detector=detector)
+    session = Session(SCENE.axes, detector=detector, delay_s=delay_s)
     with ScanWriter(path, SCENE) as writer:
         recorder = SweepRecorder(writer, detector is not None, Coverage(SCENE), report)
         if detector is None:
@@ -106,8 +106,12 @@ def write_tables(folder, happened):
 
 
 @settings(max_examples=20)
-@given(st.integers(0, 2**32), st.sampled_from(["one sweep", "both_ways", "one_way"]))
-def test_an_imported_stream_equals_the_recorded_one(seed, sweeps):
+@given(
+    st.integers(0, 2**32),
+    st.sampled_from(["one sweep", "both_ways", "one_way"]),
+    st.sampled_from([0.0, 0.07, -0.05]),
+)
+def test_an_imported_stream_equals_the_recorded_one(seed, sweeps, delay_s):
     """The sweeps are the same live, in a bag by the motion or the node's status, and in CSV files."""
     happened = faulty_stream(np.random.default_rng(seed))
     jumps = [
@@ -120,15 +124,15 @@ def test_an_imported_stream_equals_the_recorded_one(seed, sweeps):
     )
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        published = record_live(folder / "live", happened, live)
+        published = record_live(folder / "live", happened, live, delay_s)
         live_scan = content(folder / "live")
         recordings = {
-            "bag": read_bag(write_bag(folder / "messages", happened), SCENE, detector=bag),
-            "status": read_bag(write_bag(folder / "published", published), SCENE),
+            "bag": read_bag(write_bag(folder / "messages", happened), SCENE, detector=bag, delay_s=delay_s),
+            "status": read_bag(write_bag(folder / "published", published), SCENE, delay_s=delay_s),
         }
         if jumps[0] == jumps[1]:  # files do not say during which run of the poses strain arrived
             strains, poses = write_tables(folder, happened)
-            recordings["csv"] = read_csv(strains, SCENE, poses=[poses], detector=csv)
+            recordings["csv"] = read_csv(strains, SCENE, poses=[poses], detector=csv, delay_s=delay_s)
         for kind, recording in recordings.items():
             if live_scan:
                 import_recording(recording, SCENE, folder / kind, force=True)

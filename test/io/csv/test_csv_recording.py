@@ -74,6 +74,19 @@ def test_poses_of_another_file_are_interpolated(tmp_path):
         read_csv([touch] * 3, LINE, naming, poses=[poses] * 2)
 
 
+def test_late_strain_is_of_the_place_and_the_sweep_where_it_was_felt(tmp_path):
+    rows = [[f"{1 + 0.2 * n:.1f}", 1 + n // 5, *range(8)] for n in range(10)]
+    touch = write_csv(tmp_path / "touch.csv", ["stamp_s", "sweep", *GAUGES], rows)
+    rows = [[f"{0.5 + 0.05 * n:.2f}", 0.001 * n] for n in range(60)]
+    poses = write_csv(tmp_path / "poses.csv", ["stamp_s", "x"], rows)
+    sweeps = read_csv(touch, LINE, poses=[poses], delay_s=0.07).sweeps
+    assert [(each.number, len(each), each.gaps) for each in sweeps] == [(1, 6, 0), (2, 4, 0)]
+    felt_s = np.concatenate([each.stamp_ns for each in sweeps]) * 1e-9
+    np.testing.assert_allclose(felt_s, 0.93 + 0.2 * np.arange(10))
+    position = np.concatenate([each.position[:, 0] for each in sweeps])
+    np.testing.assert_allclose(position, 0.02 * (felt_s - 0.5), atol=1e-12)
+
+
 def test_an_angle_beyond_a_full_turn_is_within_the_bounds(tmp_path):
     scene = Scene("disc", (Axis("yaw", -np.pi, np.pi),), LINE.phalanges)
     path = write_csv(tmp_path / "a.csv", ["stamp_s", "yaw", *GAUGES], [[1, 6.0, *range(8)]])
