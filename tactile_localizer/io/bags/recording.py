@@ -21,7 +21,7 @@ from tactile_localizer.io.bags.conversions import (
     converted_strain,
 )
 from tactile_localizer.io.bags.reader import Received, Wanted, absolute, read_messages
-from tactile_localizer.io.bags.sweeps import TOPICS, WHOLE_BAG, Mark, Travel, localized_sweeps
+from tactile_localizer.io.bags.sweeps import TOPICS, WHOLE_BAG, Mark, Reports, Travel, localized_sweeps
 from tactile_localizer.io.recording import (
     RecordedSweep,
     Recording,
@@ -173,6 +173,7 @@ def _session(
         arrivals=Arrivals(),
     )
     flags, travels = list[Mark](), list[Travel]()
+    statuses, posteriors = Reports(), Reports()
     ahead_ns = max(value.stamp_ns - received_ns for name, received_ns, value in received if name == "strain")
     ahead_ns -= session.delay_ns
     is_of_receiver = abs(ahead_ns) <= DEFAULT_PATIENCE_S * NANOSECONDS
@@ -183,12 +184,12 @@ def _session(
             stamp_ns, position = value
             session.add_pose(stamp_ns, position, received_ns)
         elif name == "status" and by_status:
-            session.mark(session.run, *value)
+            session.mark(statuses.run_of(value[0], session), *value)
         elif name == "active":  # which has no stamp: the present in the clock of the strain, as it is live
             present_ns = received_ns + max(ahead_ns, 0) if is_of_receiver else 0
             flags.append(Mark(session.run, max(session.newest_ns or 0, present_ns), value))
         elif name == "posterior":
-            travels.append(Travel(session.run, *value))
+            travels.append(Travel(posteriors.run_of(value[0], session), *value))
     reported = [] if by_status else localized_sweeps(flags, travels)
     for mark in reported or [WHOLE_BAG] * (not session.has_marks):
         session.mark(*mark)

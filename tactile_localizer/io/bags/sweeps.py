@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from tactile_localizer.streams.session import Session
 from tactile_localizer.streams.sweep_detector import NO_SWEEP
 
 TOPICS = {
@@ -31,6 +32,21 @@ class Travel(NamedTuple):
     run: int
     stamp_ns: int
     travel_m: float
+
+
+class Reports:
+    """Runs of what a node reports of the strain, also where it is received after the next jump back."""
+
+    def __init__(self) -> None:
+        self._run, self._stamp_ns = 0, 0
+
+    def run_of(self, stamp_ns: int, session: Session[Any]) -> int:
+        """The run of the next report by its stamp, ns: the last one, until the strain of another is there."""
+        newest_ns = (session.newest_ns or 0) + max(session.delay_ns, 0)
+        if stamp_ns < self._stamp_ns or stamp_ns <= newest_ns:
+            self._run = session.run
+        self._stamp_ns = stamp_ns
+        return self._run
 
 
 WHOLE_BAG = Mark(0, -1, 1)

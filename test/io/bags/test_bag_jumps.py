@@ -165,9 +165,19 @@ def test_reported_sweeps_are_those_of_their_run(tmp_path):
     assert found == [(2, 55, 700), (3, 1005, 2000), (4, 20, 1500)]
 
 
+def test_sweeps_that_are_reported_after_a_jump_are_of_the_run_before(tmp_path):
+    reported = [(60, 50, True, 2), (2100, 1500, False, 2), (2100, 1600, True, 3), (2150, 2000, False, 3)]
+    reported += [(2150, 100, True, 4), (3500, 1500, False, 4)]
+    statuses = [(STATUS, at, status(ms, on, number)) for at, ms, on, number in reported]
+    happened = slide(0, 2000) + again(slide(0, 2000), 2000) + statuses
+    found = ranges(read_bag(write_bag(tmp_path / "bag", happened), SCENE).sweeps)
+    assert found == [(2, 55, 1500), (3, 1605, 2000), (4, 105, 1500)]
+
+
 def test_a_jump_ends_a_localized_sweep(tmp_path):
     happened = slide(0, 2000)
-    posteriors = [(POSTERIOR, ms + 3, posterior(ms, travel)) for ms, travel in [(500, 0.0), (1990, 0.03)]]
+    posteriors = [(POSTERIOR, ms + 3, posterior(ms, travel)) for ms, travel in [(500, 0.0), (1900, 0.02)]]
+    posteriors += [(POSTERIOR, 2015, posterior(1990, 0.03))]  # received after the jump
     after = [(POSTERIOR, 2000 + ms, posterior(ms, 0.0)) for ms in (20, 30)]
     happened = happened + posteriors + again(happened, 2000) + after
     found = read_bag(write_bag(tmp_path / "bag", happened), SCENE, by_status=False)
