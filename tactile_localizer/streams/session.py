@@ -46,12 +46,30 @@ class Pair(Generic[T]):
 
 
 class _Waiting(NamedTuple):
-    """A strain vector that waits for a pose, in a run of both topics, and of the strain."""
+    """A strain vector that waits for a pose since a time, in a run of both topics, and of the strain."""
 
     both: int
     run: int
     stamp_ns: int
     measurement: Any
+    since_ns: int
+
+
+class _Elapsed:
+    """Time by the stamps of a topic, in which a clock that is set forward makes no step, ns.
+
+    A step longer than ``longest_ns`` counts as the one before it: where that is as long, the topic is slow.
+    """
+
+    def __init__(self, longest_ns: float) -> None:
+        self.ns = 0
+        self._longest_ns, self._newest_ns, self._step_ns = longest_ns, math.inf, 0
+
+    def add(self, stamp_ns: int) -> int:
+        step_ns = int(max(stamp_ns - self._newest_ns, 0))
+        self.ns += step_ns if step_ns <= self._longest_ns else self._step_ns
+        self._newest_ns, self._step_ns = stamp_ns, step_ns
+        return self.ns
 
 
 class Session(Generic[T]):
@@ -65,8 +83,9 @@ class Session(Generic[T]):
     ----------
     axes : the d axes
     max_gap_s : longest time between the two poses around a strain vector, s
-    patience_s : a strain vector that is older than the newest by more than this waits no longer, s; that of a
-        recording, all of which comes in before the pairs are taken, may wait for ever
+    patience_s : a strain vector that is older than the newest by more than this waits no longer, s, not
+        counting that a clock is set forward; that of a recording, all of which comes in before the pairs are
+        taken, may wait for ever
     delay_s : time by which the strain is late against the poses, s; its stamps become those when it was felt
     detector : detects the sweeps in the motion; ``None``: :meth:`mark` begins and ends them
     arrivals : keeps what arrives in time, for :meth:`seen`
@@ -95,7 +114,9 @@ class Session(Generic[T]):
         self.delay_ns = round(delay_s * NANOSECONDS)
         # Poses are kept for as long as a strain vector that needs them may wait.
         self._length_ns = 2 * self._patience_ns + max_gap_s * NANOSECONDS
-        self._poses: dict[int, tuple[list[int], list[np.ndarray]]] = {}  # stamps and positions by run
+        self._elapsed = {topic: _Elapsed(self._patience_ns) for topic in (STRAIN, POSES)}
+        # Stamps, positions, and when they came, by run.
+        self._poses: dict[int, tuple[list[int], list[np.ndarray], list[int]]] = {}
         self._waiting: deque[_Waiting] = deque()
         self._marks: list[tuple[int, int, int]] = []  # run, stamp and sweep, ascending
 
@@ -155,13 +176,15 @@ class Session(Generic[T]):
         if (run := self.runs.add(POSES, stamp_ns)) == LATE:
             return
         self._arrivals.add_pose(stamp_ns, position, received_ns)
-        pose_ns, poses = self._poses.setdefault(run, ([], []))
+        now_ns = self._elapsed[POSES].add(stamp_ns)
+        pose_ns, poses, came_ns = self._poses.setdefault(run, ([], [], []))
         pose_ns.append(stamp_ns)
         poses.append(position)
+        came_ns.append(now_ns)
         # Deleting only once half of the poses are old makes the cost per pose constant.
-        if 2 * (stamp_ns - pose_ns[0]) > 3 * self._length_ns:
-            old = bisect_left(pose_ns, stamp_ns - self._length_ns)
-            del pose_ns[:old], poses[:old]
+        if 2 * (now_ns - came_ns[0]) > 3 * self._length_ns:
+            old = bisect_left(came_ns, now_ns - self._length_ns)
+            del pose_ns[:old], poses[:old], came_ns[:old]
 
     def add_strain(self, stamp_ns: int, measurement: T, received_ns: int | None = None) -> None:
         """Add a strain vector, with its time of receipt, ns, if that is known."""
@@ -171,7 +194,8 @@ class Session(Generic[T]):
         # The clocks agree where strain is known to be late.
         self._arrivals.add_strain(stamp_ns, received_ns and received_ns - self.delay_ns)
         self.forward_jumps += newest_ns is not None and stamp_ns - newest_ns > self._patience_ns
-        self._waiting.append(_Waiting(both, self.run, stamp_ns, measurement))
+        now_ns = self._elapsed[STRAIN].add(stamp_ns)
+        self._waiting.append(_Waiting(both, self.run, stamp_ns, measurement, now_ns))
 
     def mark(self, run: int, after_ns: int, sweep: int) -> None:
         """Begin a sweep after a stamp of a run, ns; :data:`~.sweep_detector.NO_SWEEP` only ends the last one.
@@ -187,9 +211,9 @@ class Session(Generic[T]):
         ready, (strain_run, pose_run) = list[_Waiting](), self.runs.number
         while self._waiting:
             first = self._waiting[0]
-            pose_ns, _ = self._poses.get(first.both, ([], []))
+            pose_ns, *_ = self._poses.get(first.both, ([],))
             is_covered = pose_run > first.both or (pose_ns and pose_ns[-1] >= first.stamp_ns)
-            waited_ns = (self.newest_ns or 0) - first.stamp_ns if first.both == strain_run else 0
+            waited_ns = self._elapsed[STRAIN].ns - first.since_ns if first.both == strain_run else 0
             if not is_covered and waited_ns <= self._patience_ns:
                 break
             ready.append(self._waiting.popleft())
@@ -216,12 +240,12 @@ class Session(Generic[T]):
         is_known = np.isfinite(positions).all(axis=1).tolist()
         return [
             Pair(stamp, place if known else None, measurement, run, self._sweep(run, stamp, place))
-            for (_, run, stamp, measurement), place, known in zip(strain, positions, is_known, strict=True)
+            for (_, run, stamp, measurement, _), place, known in zip(strain, positions, is_known, strict=True)
         ]
 
     def _poses_around(self, run: int, stamp_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Stamps and positions of the poses of a run that are around rising stamps (n,), ns."""
-        pose_ns, poses = self._poses.get(run, ([], []))
+        pose_ns, poses, _ = self._poses.get(run, ([], [], []))
         begin, end = (bisect_left(pose_ns, each) for each in (stamp_ns[0], stamp_ns[-1]))
         return np.array(pose_ns[max(begin - 1, 0) : end + 1]), np.array(poses[max(begin - 1, 0) : end + 1])
 

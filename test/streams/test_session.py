@@ -53,6 +53,25 @@ def test_patience_is_measured_by_stamps():
     assert summary(session.finish()) == [(250, None), (251, None)]
 
 
+def test_a_clock_that_is_set_forward_ends_no_patience():
+    """With either topic 300 ms behind the other one. Strain slower than the patience is no such clock."""
+    stamps_ms = [*range(1000, 2000, 10), *range(60_000, 61_000, 10)]
+    for late in (strain, pose):
+        session, found = Session(AXES), []
+        for at in range(len(stamps_ms) + 30):
+            places = {strain: (), pose: (0.5,)}
+            for topic, place in places.items():
+                if 0 <= (row := at - 30 * (topic is late)) < len(stamps_ms):
+                    found += topic(session, stamps_ms[row], *place)
+        assert found == [(ms, 0.5) for ms in stamps_ms]
+    session = Session(AXES, patience_s=0.1)
+    assert [strain(session, stamp_ms) for stamp_ms in (1000, 3000, 5000)] == [
+        [],
+        [],
+        [(1000, None), (3000, None)],
+    ]
+
+
 def test_late_strain_is_paired_where_it_was_felt():
     session = Session(AXES, delay_s=0.005)
     pose(session, 100, 0.1)
@@ -125,11 +144,14 @@ def test_pairs_do_not_depend_on_the_order_of_arrival(order, pose_steps, strain_s
 
 
 def streams(rng):
-    """Stamps of strain and poses, and the times of their arrival: backward jumps, silence, late messages."""
+    """Stamps of strain and poses, and the times of their arrival: jumps, silence, late messages."""
     begin, stamp, stamps, arrivals = 0, 50_000, ([], []), ([], [])
     for _ in range(rng.integers(1, 5)):
         silence = rng.integers(0, 5000)
-        begin, stamp = begin + silence, stamp + rng.choice([2500 + silence, -rng.integers(0, 5000)])
+        begin, stamp = (
+            begin + silence,
+            stamp + rng.choice([2500 + silence, rng.integers(3500, 60_000), -rng.integers(0, 5000)]),
+        )
         for topic, period in ((0, 7), (1, 10)):
             times = np.arange(rng.integers(0, 300), 2500, period)
             times = times[rng.random(len(times)) > 0.02]
