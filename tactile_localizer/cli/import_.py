@@ -45,9 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare a subcommand for each kind of recordings."""
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
     for kind, reader in importable().items():
-        subparser = kinds.add_parser(kind, help=f"one or more {reader.what}")
+        what = reader.what.replace("%", "%%")  # a suffix of another package may have any letters
+        subparser = kinds.add_parser(kind, help=f"one or more {what}")
         add = subparser.add_argument
-        add("recordings", type=InputPath, nargs="+", metavar="FILE", help=reader.what)
+        add("recordings", type=InputPath, nargs="+", metavar="FILE", help=what)
         add_reader_arguments(subparser, kind)
         add_gap_argument(subparser)
         add_delay_argument(subparser, "estimated from strokes in opposite directions, if there are any")

@@ -1,5 +1,6 @@
 """What has arrived of strain and palm poses, for the findings about their clocks and the motion."""
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -49,13 +50,15 @@ class Arrivals:
 
     Parameters
     ----------
-    poses, leads : numbers of the poses, and of the leads of their clock, that are kept; ``None``: all
+    poses : number of the poses that are kept; ``None``: all
+    leads_s : time for which leads of their clock are kept, s
     """
 
-    def __init__(self, poses: int | None = None, leads: int | None = None) -> None:
+    def __init__(self, poses: int | None = None, leads_s: float = math.inf) -> None:
         self._strain_ns: deque[int] = deque(maxlen=poses)
         self._poses: deque[tuple[int, np.ndarray]] = deque(maxlen=poses)
-        self._leads_ns: deque[int] = deque(maxlen=leads)
+        self._leads_ns: deque[tuple[int, int]] = deque()  # with the times of receipt
+        self._kept_ns = leads_s * NANOSECONDS
         self._strain_lead_ns: int | None = None
 
     def add_strain(self, stamp_ns: int, received_ns: int | None) -> None:
@@ -67,7 +70,9 @@ class Arrivals:
         """Add a pose, in the same way."""
         self._poses.append((stamp_ns, position))
         if received_ns is not None and self._strain_lead_ns is not None:
-            self._leads_ns.append(stamp_ns - received_ns - self._strain_lead_ns)
+            self._leads_ns.append((received_ns, stamp_ns - received_ns - self._strain_lead_ns))
+            while abs(received_ns - self._leads_ns[0][0]) > self._kept_ns:
+                self._leads_ns.popleft()
 
     def seen(self, axes: tuple[Axis, ...], max_gap_s: float, option: str, latest: int = 0) -> Seen:
         """What is kept; of the poses the ``latest`` ones, or all."""
@@ -79,5 +84,5 @@ class Arrivals:
             np.reshape([position for _, position in poses], (-1, len(axes))),
             max_gap_s,
             option,
-            np.array(self._leads_ns) / NANOSECONDS,
+            np.array([lead_ns for _, lead_ns in self._leads_ns]) / NANOSECONDS,
         )

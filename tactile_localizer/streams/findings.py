@@ -68,7 +68,7 @@ FINDINGS = (
         CLOCKS,
         lead,
         0.1,
-        "stamps are {size:.1f} s {way} the strain received with them: another clock, or the time of sending?",
+        "stamps are {size:.2f} s {way} the strain received with them: another clock, or the time of sending?",
         is_live=True,
     ),
     Finding(

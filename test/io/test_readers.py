@@ -6,12 +6,16 @@ from pathlib import Path
 import pytest
 from support.bags import SCENE
 
+from tactile_localizer.cli import main
 from tactile_localizer.errors import ScanError
 from tactile_localizer.io.readers import GROUP, importable, reader_of
 from tactile_localizer.plugins import installed
 
 ENTRIES = "\n".join(
-    [f"[{GROUP}]", *(f"{name} = skin:read" for name in (".dat", ".skin.csv", "Zarr", ".bag", "wav", ".WAV"))]
+    [
+        f"[{GROUP}]",
+        *(f"{name} = skin:read" for name in (".dat", ".skin.csv", "Zarr", ".bag", "wav", ".WAV", "50%")),
+    ]
 )
 
 
@@ -78,7 +82,7 @@ def test_a_suffix_of_another_package_replaces_ours_and_the_longest_is_taken(tmp_
     assert reader_of(made(tmp_path / "a.skin.csv")).kind == "skin.csv"
     assert reader_of(made(tmp_path / "a.csv")).kind == "csv"
     assert reader_of(made(tmp_path / "store.zarr/0").parent).kind == "zarr", "of a folder, too"
-    assert {*importable()} == {"bag", "can", "csv", "dat", "skin.csv", "zarr", ".bag", "wav"}
+    assert {*importable()} == {"bag", "can", "csv", "dat", "skin.csv", "zarr", ".bag", "wav", "50%"}
 
 
 @pytest.mark.usefixtures("with_another_package")
@@ -87,6 +91,14 @@ def test_a_reader_in_place_of_ours_is_another_kind_which_has_no_options_of_ours(
     assert reader.kind == ".bag"
     with pytest.raises(ScanError, match=r"a\.bag: reader skin:read of skin: .*No module named 'skin'"):
         reader.read(tmp_path / "a.bag", SCENE)
+
+
+@pytest.mark.usefixtures("with_another_package")
+@pytest.mark.parametrize("kind", [[], ["50%"]])
+def test_help_names_any_suffix(kind: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(["import", *kind, "--help"])
+    assert ".50% files" in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("with_another_package")

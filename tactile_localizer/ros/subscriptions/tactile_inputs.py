@@ -40,8 +40,10 @@ _POSES_PER_STRAIN = 10
 """Poses that wait for each strain vector that does: arms publish at up to 1 kHz, and no pose costs much."""
 _LONG_S = 0.1
 """Time that a message waits for this node from which it is behind, s (judgement)."""
-_POSES, _LEADS, _LATEST = 2000, 100, 4
-"""Numbers of poses whose motion is judged, of those whose clock is, and of those whose distance is."""
+_POSES, _LATEST = 2000, 4
+"""Numbers of poses whose motion is judged, and of those whose distance is."""
+_LEADS_S = 2.0
+"""Time of which poses are judged by their clock, s: one that is set again is reported after half of it."""
 _STRAINS = 200
 """Number of strain vectors that are compared with each other."""
 
@@ -148,7 +150,7 @@ class TactileInputs:
             patience_s=parameters["patience_s"],
             delay_s=parameters["strain_delay_s"],
             detector=detector,
-            arrivals=Arrivals(_POSES, _LEADS),
+            arrivals=Arrivals(_POSES, _LEADS_S),
         )
         self.received: Counter[str] = Counter()
         self.invalid: Counter[str] = Counter()

@@ -174,7 +174,7 @@ def test_two_publishers_of_the_palm_pose_are_a_finding(tmp_path):
 def test_stamps_far_from_their_receipt_are_a_finding(tmp_path, late_ms):
     (note,) = notes_of(tmp_path / "bag", poses_of(100, late_ms=late_ms))
     way = "behind" if late_ms > 0 else "ahead of"
-    assert note.startswith(f"/palm_pose: stamps are 0.3 s {way} the strain received with them")
+    assert note.startswith(f"/palm_pose: stamps are 0.30 s {way} the strain received with them")
     assert notes_of(tmp_path / "slow", poses_of(100, late_ms=50)) == ()
 
 
