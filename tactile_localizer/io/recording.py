@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -182,9 +183,8 @@ def cut_rows(
     rows, notes = np.flatnonzero(run != LATE), list[str]()
     if detector is not None:
         parts = zip(run[rows].tolist(), number[rows].tolist(), strict=True)
-        each = zip(samples.stamp_ns[rows].tolist(), samples.position[rows], parts, strict=True)
         number = number.copy()
-        number[rows] = [detector.update(*sample) for sample in each]
+        number[rows] = detector.update_all(samples.stamp_ns[rows], samples.position[rows], parts)
         notes = detection_notes(number[rows])
     return cut(samples, run, number), [*notes, *row_notes(what, run)]
 
@@ -290,6 +290,14 @@ def scan_of(recording: Recording, scene: Scene) -> Scan:
         channels=scene.layout.counts,
         sessions=recording.sessions,
     )
+
+
+def sharing(recording: Recording, scan: Scan) -> Recording:
+    """A recording whose pairs are those of its scan (:func:`scan_of`), so that they are in memory once."""
+    ends = np.cumsum([0, *map(len, recording.sweeps)])
+    each = zip(recording.sweeps, pairwise(ends.tolist()), strict=True)
+    sweeps = [replace(one, position=scan.states[a:b], strain=scan.strain[a:b]) for one, (a, b) in each]
+    return replace(recording, sweeps=tuple(sweeps))
 
 
 def stamp_notes(what: str, count: int, late: int, jumps: int) -> Iterator[str]:

@@ -5,15 +5,16 @@ directions are displaced against each other by twice the speed times the delay. 
 neighbouring strokes agree best. Strokes in one direction hide it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import reduce
+from itertools import pairwise, repeat
 
 import numpy as np
 
 from tactile_localizer.scene import Axis
 from tactile_localizer.streams.runs import NANOSECONDS
-from tactile_localizer.streams.sweep_detector import SweepDetector
+from tactile_localizer.streams.sweep_detector import NO_SWEEP, SweepDetector
 
 MOST_DELAY_S = 1.0
 """Longest delay that can be given, s."""
@@ -249,21 +250,23 @@ def _strokes(axes: tuple[Axis, ...], tracks: Sequence[Track]) -> list[_Stroke]:
     detector = SweepDetector(axes)
     found = []
     for track, place in zip(tracks, places, strict=True):
-        stamps = zip(track.stamp_ns.tolist(), track.position, strict=True)
-        labels = np.array([detector.update(*each, part=id(track)) for each in stamps])
+        labels = detector.update_all(track.stamp_ns, track.position, repeat(id(track)))
+        labels[~np.isfinite(track.strain).all(axis=1)] = NO_SWEEP
         for label in np.unique(labels[labels > 0]).tolist():
-            rows = np.flatnonzero((labels == label) & np.isfinite(track.strain).all(axis=1))
-            if len(rows):
-                along = place[rows] @ directions[:, 0]
-                begin, end = sorted((int(np.argmin(along)), int(np.argmax(along))))
-                rows = rows[begin : end + 1]
+            rows = np.flatnonzero(labels == label)
+            along = place[rows] @ directions[:, 0]
+            begin, end = sorted((int(np.argmin(along)), int(np.argmax(along))))
+            rows = rows[begin : end + 1]
             if len(rows) >= _MIN_CELLS:
                 found.append((track, place[rows] @ directions, rows))
     if not found:
         return []
     from scipy.ndimage import uniform_filter1d
 
-    spread = np.std(np.concatenate([track.strain[rows] for track, _, rows in found]), axis=0)
+    parts = [(track.strain, rows) for track, _, rows in found]
+    count = sum(len(rows) for _, rows in parts)
+    mean = _sum(strain[rows] for strain, rows in parts) / count
+    spread = np.sqrt(_sum((strain[rows] - mean) ** 2 for strain, rows in parts) / count)
     strokes = []
     for track, place, rows in found:
         time_s = (track.stamp_ns[rows] - track.stamp_ns[rows[0]]) / NANOSECONDS
@@ -273,3 +276,8 @@ def _strokes(axes: tuple[Axis, ...], tracks: Sequence[Track]) -> list[_Stroke]:
         smooth = uniform_filter1d(strain, 2 * (len(rows) // (2 * _CELLS)) + 1, axis=0)
         strokes.append(_Stroke(time_s, along, smooth, float(place[:, 1:].mean()) if len(plane) > 1 else 0.0))
     return strokes
+
+
+def _sum(parts: Iterable[np.ndarray]) -> np.ndarray:
+    """Sum (C,) of the rows of all parts (n, C), without holding them at once."""
+    return reduce(lambda total, part: np.sum(np.vstack([*total, part]), axis=0)[None], parts, [])[0]

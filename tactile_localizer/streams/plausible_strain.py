@@ -5,7 +5,7 @@ cells and taxels, real and simulated, an end of the range comes up to 4 times, o
 range, no strain is held, and no sweep has more than 1.0 times the noise of the others in all channels.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -44,10 +44,27 @@ def describe_strain(tracks: Sequence[Track], channels: Sequence[str]) -> list[st
     tracks = [each for each in map(_finite, tracks) if len(each.stamp_ns) > 2]
     if sum(len(each.stamp_ns) for each in tracks) < _MIN_COUNT:
         return []
-    strain = np.concatenate([each.strain for each in tracks])
-    step = np.concatenate([_steps(each) for each in tracks])
-    found = [_ends(strain, channels), _jumps(strain, step, channels), _stops(strain, channels)]
-    return [*filter(None, [*found, _held(step), _gains(tracks), _at_rest(tracks, strain, step)])]
+    is_step, changes = _are_steps(tracks), np.zeros(sum(len(each.stamp_ns) for each in tracks) - 1, bool)
+    spread, noise = np.zeros((2, len(channels)))
+    lower, upper, jumps, stops = (list[str]() for _ in range(4))
+    # A channel at a time: all at once are as much memory as all that an import needs else.
+    for number, name in enumerate(channels):
+        column = np.concatenate([each.strain[:, number] for each in tracks])
+        every = np.diff(column)
+        changes |= every != 0.0
+        step = every[is_step]
+        for ends, text in zip((lower, upper), _ends(column), strict=True):
+            ends += [f"{name}: {text}"] * bool(text)
+        jumps += [f"{name} {count} times" for count in filter(None, [_jumps(step, float(np.ptp(column)))])]
+        stops += [f"{name} for {count} samples" for count in filter(None, [_stops(column)])]
+        spread[number], noise[number] = np.std(column), np.std(step)
+    found = [
+        (lower + upper, "strain at the end of its range comes again and again, saturated, or no measurement"),
+        (jumps, "strain jumps over half of its range within a sample, two sources, spikes, or an overflow"),
+        (stops, "strain does not change, a sensor that stopped"),
+    ]
+    lines = [f"{what}: {listed(names)}" for names, what in found if names]
+    return [*lines, *filter(None, [_held(changes[is_step]), _gains(tracks), _at_rest(tracks, spread, noise)])]
 
 
 def _finite(track: Track) -> Track:
@@ -56,66 +73,53 @@ def _finite(track: Track) -> Track:
     return track if rows.all() else Track(track.stamp_ns[rows], track.position[rows], track.strain[rows])
 
 
-def _steps(track: Track) -> np.ndarray:
-    """Steps (m, C) from a sample to the next, but across gaps in time."""
-    period_ns = np.diff(track.stamp_ns)
-    return np.diff(track.strain, axis=0)[period_ns <= 3 * np.median(period_ns)]
+def _are_steps(tracks: Sequence[Track]) -> np.ndarray:
+    """Which of the differences (n - 1,) of successive samples of all tracks are within one, across no gap."""
+    found = []
+    for track in tracks:
+        period_ns = np.diff(track.stamp_ns)
+        found += [period_ns <= 3 * np.median(period_ns), [False]]
+    return np.concatenate(found[:-1])
 
 
-def _ends(strain: np.ndarray, channels: Sequence[str]) -> str:
-    """Values at an end of the range that come again and again.
+def _ends(column: np.ndarray) -> Iterator[str]:
+    """The lower and the upper end of a range, of values (n,), if it comes again and again; else empty.
 
     Where values repeat, as in steps of a converter, the end nearer to the median is that of rest. So is zero.
     """
-    found = []
-    ends = np.array([strain.min(axis=0), strain.max(axis=0)])
-    counts = np.array([np.count_nonzero(strain == end, axis=0) for end in ends])
-    for side, channel in np.argwhere((counts >= _END_COUNT) & (ends != 0.0)).tolist():
-        value, column, count = ends[side, channel], strain[:, channel], counts[side, channel]
-        others = column[column != value]
-        if not len(others):
+    ends = float(column.min()), float(column.max())
+    for value, opposite in (ends, ends[::-1]):
+        count = np.count_nonzero(column == value)
+        if count < _END_COUNT or value == 0.0 or not len(others := column[column != value]):
+            yield ""
             continue
         beside = np.count_nonzero(others == others[np.argmin(np.abs(others - value))])
         is_fine = len(np.unique(others)) * _FINE > len(others)
-        is_far = np.abs(value - np.median(column)) >= np.abs(ends[1 - side, channel] - np.median(column))
-        if count >= _END_RATIO * beside and (is_fine or is_far):
-            found.append(f"{channels[channel]}: {value:.6g} in {count} of {len(column)} samples")
-    reason = "saturated, or no measurement"
-    return f"strain at the end of its range comes again and again, {reason}: {listed(found)}" if found else ""
+        is_far = np.abs(value - np.median(column)) >= np.abs(opposite - np.median(column))
+        is_end = count >= _END_RATIO * beside and (is_fine or is_far)
+        yield f"{value:.6g} in {count} of {len(column)} samples" if is_end else ""
 
 
-def _jumps(strain: np.ndarray, step: np.ndarray, channels: Sequence[str]) -> str:
-    # A channel at a time: a large scan's steps are as much memory as its strain.
-    ends = zip(step.T, np.ptp(strain, axis=0).tolist(), strict=True)
-    counts = [
-        [np.count_nonzero(np.abs(column) > part * spread) for part in (_JUMP, _JUMP / 2)]
-        for column, spread in ends
-    ]
-    jumps, half = np.array(counts).T
-    has = (jumps >= _JUMPS) & (jumps >= 4 * (half - jumps))
-    found = [f"{channels[each]} {jumps[each]} times" for each in np.flatnonzero(has).tolist()]
-    reason = "two sources, spikes, or an overflow"
-    return f"strain jumps over half of its range within a sample, {reason}: {listed(found)}" if found else ""
+def _jumps(step: np.ndarray, spread: float) -> int:
+    """Number of steps (m,) that are jumps in a range."""
+    jumps, half = (int(np.count_nonzero(np.abs(step) > part * spread)) for part in (_JUMP, _JUMP / 2))
+    return jumps if jumps >= _JUMPS and jumps >= 4 * (half - jumps) else 0
 
 
-def _stops(strain: np.ndarray, channels: Sequence[str]) -> str:
-    """Channels that change from sample to sample, but for a long time."""
-    found = []
-    for column, name in zip(strain.T, channels, strict=True):
-        changes = np.flatnonzero(np.diff(column))
-        runs = np.diff(changes, prepend=-1, append=len(column) - 1)
-        longest, zeros = int(runs.max()), len(column) - 1 - len(changes)
-        value = column[changes[runs.argmax() - 1] + 1] if runs.argmax() else column[0]
-        is_long = max(_MIN_COUNT, _LASTING * len(column)) < longest < len(column)
-        is_at_end = value in (column.min(), column.max())
-        if is_long and not is_at_end and zeros - (longest - 1) < _CHANGING * len(column):
-            found.append(f"{name} for {longest} samples")
-    return f"strain does not change, a sensor that stopped: {listed(found)}" if found else ""
+def _stops(column: np.ndarray) -> int:
+    """Number of samples (n,) for which a channel that changes from sample to sample stops."""
+    changes = np.flatnonzero(np.diff(column))
+    runs = np.diff(changes, prepend=-1, append=len(column) - 1)
+    longest, zeros = int(runs.max()), len(column) - 1 - len(changes)
+    value = column[changes[runs.argmax() - 1] + 1] if runs.argmax() else column[0]
+    is_long = max(_MIN_COUNT, _LASTING * len(column)) < longest < len(column)
+    is_at_end = value in (column.min(), column.max())
+    return longest if is_long and not is_at_end and zeros - (longest - 1) < _CHANGING * len(column) else 0
 
 
-def _held(step: np.ndarray) -> str:
-    """Strain that is held and then steps, as of a source that is slower than its stamps."""
-    lasting = np.diff(np.flatnonzero(step.any(axis=1)))
+def _held(changes: np.ndarray) -> str:
+    """Strain that is held and then steps (m,) bool, as of a source that is slower than its stamps."""
+    lasting = np.diff(np.flatnonzero(changes))
     if len(lasting) < _MIN_COUNT or (samples := int(np.median(lasting))) < _HELD:
         return ""
     if np.mean(np.abs(lasting - samples) <= 1) < _REGULAR:
@@ -136,10 +140,12 @@ def _gains(tracks: Sequence[Track]) -> str:
     return f"strain of {sweeps} has {factor:.2g} times the noise of the others: another unit, or gain"
 
 
-def _at_rest(tracks: Sequence[Track], strain: np.ndarray, step: np.ndarray) -> str:
-    """Strain that changes while the palm rests, as with poses of another time or that are not sent on."""
-    spread = np.std(strain, axis=0)
-    spread[spread == 0.0] = np.inf
+def _at_rest(tracks: Sequence[Track], spread: np.ndarray, noise: np.ndarray) -> str:
+    """Strain that changes while the palm rests, as with poses of another time or that are not sent on.
+
+    ``spread`` and ``noise`` (C,) are the standard deviations of the strain and of its steps.
+    """
+    spread = np.where(spread > 0.0, spread, np.inf)
     moved, changed, sizes = [], [], []
     for track in tracks:
         block = (track.stamp_ns - track.stamp_ns[0]) // round(_BLOCK_S * NANOSECONDS)
@@ -154,7 +160,7 @@ def _at_rest(tracks: Sequence[Track], strain: np.ndarray, step: np.ndarray) -> s
     if min(np.count_nonzero(rests), np.count_nonzero(~rests)) < _BLOCKS:
         return ""
     in_motion = np.mean(change[~rests])
-    of_noise = np.linalg.norm(np.std(step, axis=0) / spread) / np.sqrt(np.median(size))
+    of_noise = np.linalg.norm(noise / spread) / np.sqrt(np.median(size))
     if in_motion < _ABOVE_NOISE * of_noise or np.mean(change[rests]) < _AS_MUCH * in_motion:
         return ""
     return (

@@ -1,6 +1,7 @@
 """Detection of sweeps in the palm's motion: a sweep ends where the hand reverses or rests."""
 
-import math
+from collections.abc import Iterable
+from itertools import starmap
 
 import numpy as np
 
@@ -49,10 +50,11 @@ class SweepDetector:
         self._forget()
 
     def _forget(self) -> None:
-        self._first_direction: np.ndarray | None = None
-        self._direction: np.ndarray | None = None
+        # A place on one or two axes is a complex number, which Python handles sooner than small arrays.
+        self._first_direction: complex | None = None
+        self._direction: complex | None = None
         self._is_sweep = False
-        self._furthest = self._mark = np.zeros(len(self._columns))
+        self._furthest = self._mark = 0j
         self._mark_ns: int | None = None
 
     def update(self, stamp_ns: int, position: np.ndarray, part: object = None) -> int:
@@ -64,46 +66,67 @@ class SweepDetector:
         position : (d,) palm position, m (yaw: rad); NaN: the sample is in the sweep of the one before
         part : of the recording; a sweep does not go on in another one, as after a jump in time
         """
+        return self._update(stamp_ns, complex(*position[self._columns]), part)
+
+    def update_all(self, stamp_ns: np.ndarray, position: np.ndarray, parts: Iterable[object]) -> np.ndarray:
+        """Numbers (n,) of the sweeps of the next samples, as :meth:`update` gives them one by one.
+
+        Parameters
+        ----------
+        stamp_ns : (n,) stamps, ns
+        position : (n, d) palm positions
+        parts : of the n samples
+        """
+        place = np.zeros(len(position), complex)
+        for part, column in zip((place.real, place.imag), self._columns, strict=False):
+            part[:] = position[:, column]
+        each = zip(stamp_ns.tolist(), place.tolist(), parts, strict=False)
+        return np.fromiter(starmap(self._update, each), int, len(position))
+
+    def _update(self, stamp_ns: int, place: complex, part: object) -> int:
         if part != self._part:
             self._part = part
             self._forget()
-        if not math.isnan(position[0]):
-            self._move(stamp_ns, position[self._columns])
+        if place == place:  # a number
+            self._move(stamp_ns, place)
         return self._sweeps if self._is_sweep else NO_SWEEP
 
-    def _move(self, stamp_ns: int, place: np.ndarray) -> None:
+    def _move(self, stamp_ns: int, place: complex) -> None:
         if self._mark_ns is None:
             self._rest_at(stamp_ns, place)
         elif self._direction is None:
-            if np.linalg.norm(place - self._mark) >= self._reversal:
+            if abs(place - self._mark) >= self._reversal:
                 self._begin(stamp_ns, place, since=self._mark)
             elif stamp_ns - self._mark_ns > self._rest_ns:
                 self._rest_at(stamp_ns, place)
         else:
-            self._advance(stamp_ns, place, self._direction)
+            self._advance(stamp_ns, place, self._direction, self._mark_ns)
 
-    def _advance(self, stamp_ns: int, place: np.ndarray, direction: np.ndarray) -> None:
-        assert self._mark_ns is not None
-        gain = float((place - self._furthest) @ direction)
+    def _advance(self, stamp_ns: int, place: complex, direction: complex, mark_ns: int) -> None:
+        gain = _along(place - self._furthest, direction)
         if gain > 0:
             self._furthest = place
         if gain < -self._reversal:
             self._begin(stamp_ns, place, since=self._furthest)
-        elif float((place - self._mark) @ direction) >= self._reversal:
+        elif _along(place - self._mark, direction) >= self._reversal:
             self._mark, self._mark_ns = place, stamp_ns
-        elif stamp_ns - self._mark_ns > self._rest_ns:
+        elif stamp_ns - mark_ns > self._rest_ns:
             self._rest_at(stamp_ns, place)
 
-    def _begin(self, stamp_ns: int, place: np.ndarray, since: np.ndarray) -> None:
+    def _begin(self, stamp_ns: int, place: complex, since: complex) -> None:
         stroke = place - since
-        self._direction = stroke / np.linalg.norm(stroke)
+        self._direction = stroke / abs(stroke)
         if self._first_direction is None:
             self._first_direction = self._direction
-        self._is_sweep = not self._one_way or float(self._direction @ self._first_direction) > 0
+        self._is_sweep = not self._one_way or _along(self._direction, self._first_direction) > 0
         self._sweeps += self._is_sweep
         self._furthest = self._mark = place
         self._mark_ns = stamp_ns
 
-    def _rest_at(self, stamp_ns: int, place: np.ndarray) -> None:
+    def _rest_at(self, stamp_ns: int, place: complex) -> None:
         self._direction, self._is_sweep = None, False
         self._mark, self._mark_ns = place, stamp_ns
+
+
+def _along(travel: complex, direction: complex) -> float:
+    return travel.real * direction.real + travel.imag * direction.imag

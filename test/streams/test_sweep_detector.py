@@ -92,3 +92,16 @@ def test_a_way_to_the_side_is_another_sweep():
     found = numbers(SweepDetector(AXES), positions)
     assert set(found[positions[:, 1] == 0.0]) == {NO_SWEEP, 1}
     assert set(found[positions[:, 1] > 0.02]) == {2}
+
+
+def test_samples_together_are_in_the_sweeps_of_samples_one_by_one():
+    rng = np.random.default_rng(0)
+    for axes in (AXES, (Axis("x", 0.0, 0.1),), (*AXES, Axis("yaw", -1.0, 1.0))):
+        for one_way in (False, True):
+            positions = np.cumsum(rng.normal(0.0, 5e-4, (500, len(axes))), axis=0)
+            positions[rng.random(500) < 0.05] = np.nan
+            stamps, parts = np.arange(500) * 10_000_000, np.arange(500) // 200
+            one, other = (SweepDetector(axes, one_way=one_way) for _ in range(2))
+            expected = [one.update(*each) for each in zip(stamps.tolist(), positions, parts, strict=True)]
+            np.testing.assert_array_equal(other.update_all(stamps, positions, parts), expected)
+            assert len(set(expected)) > 3

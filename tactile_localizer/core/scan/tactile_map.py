@@ -58,12 +58,14 @@ class TactileMap:
         return np.asarray(np.isfinite(self.values).all(axis=-1))
 
 
-def make_map(scan: Scan, scene: Scene) -> TactileMap:
+def make_map(scan: Scan, scene: Scene, tracks: Tracks | None = None) -> TactileMap:
     """Interpolate a scan on a regular grid over the scene's bounds, axes and phalanges.
 
     A node's value is the mean of what the measurement model interpolates there between the sweeps
     (:func:`.interpolate`), within 1.5 line spacings of a sweep. Of three axes the first two are shown, with
     the third at the median of the scan.
+
+    ``tracks`` are those of the scan and the scene, where they are known.
 
     Raises
     ------
@@ -72,7 +74,7 @@ def make_map(scan: Scan, scene: Scene) -> TactileMap:
     """
     from scipy.ndimage import binary_dilation, binary_erosion
 
-    shown, tracks = min(scene.dimension, 2), Tracks.of(scan, scene)
+    shown, tracks = min(scene.dimension, 2), tracks or Tracks.of(scan, scene)
     scale, spacing = levers(scene)[:shown], line_spacing(tracks)
     extent = scene.extent[:shown] * scale
     step = float(extent.max()) / (NODES[shown] - 1)

@@ -1,7 +1,6 @@
 """Import of a recording into a new scan, with the same pairs as live recording would store."""
 
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -87,7 +86,6 @@ def import_recording(
 def _skipped_notes(recording: Recording, scene: Scene, reasons: Sequence[np.ndarray]) -> Iterator[str]:
     """One line per reason for which samples are skipped."""
     gaps = sum(sweep.gaps for sweep in recording.sweeps)
-    counts = Counter(reason for each in reasons for reason in each.tolist())
     position = np.concatenate(
         [np.empty((0, scene.dimension)), *(sweep.position for sweep in recording.sweeps)]
     )
@@ -96,12 +94,12 @@ def _skipped_notes(recording: Recording, scene: Scene, reasons: Sequence[np.ndar
         f"{axis.name} is {least:.6g} to {most:.6g}, bounds {axis.lower:.6g} to {axis.upper:.6g}"
         for axis, least, most in zip(scene.axes, low, high, strict=True)
     )
-    for count, what in (
-        (counts[OUTSIDE], f"with a palm position outside the scene's bounds ({ranges})"),
-        (counts[MISSING], "with missing or implausibly large strain"),
-        (counts[SATURATED], "with saturated strain"),
+    for excluded, what in (
+        (OUTSIDE, f"with a palm position outside the scene's bounds ({ranges})"),
+        (MISSING, "with missing or implausibly large strain"),
+        (SATURATED, "with saturated strain"),
     ):
-        if count:
+        if count := sum(int(np.count_nonzero(each == excluded)) for each in reasons):
             yield f"skipped {count} of {len(recording) + gaps} samples {what}"
     yield from gap_notes(recording)
     each = zip(recording.sweeps, reasons, strict=True)

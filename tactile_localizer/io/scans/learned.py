@@ -34,8 +34,9 @@ from tactile_localizer.core.scan.digest import digest_of
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.core.scan.tactile_map import TactileMap, make_map
+from tactile_localizer.core.scan.tracks import Tracks
 from tactile_localizer.errors import ScanError, SceneError, refusing
-from tactile_localizer.io.recording import SCENE_OF_SCAN, Recording, scan_of
+from tactile_localizer.io.recording import SCENE_OF_SCAN, Recording, scan_of, sharing
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.kept import key_of, load, store
 from tactile_localizer.io.scene_file import load_scene, scene_to_dict
@@ -131,7 +132,8 @@ class Reading(NamedTuple):
         states = states or (_files_key(folder)[0], _content_key(folder))
         recording = folder.recording()
         _log_notes(recording.notes)
-        return cls(folder, states, recording, scan_of(recording, folder.scene))
+        scan = scan_of(recording, folder.scene)
+        return cls(folder, states, sharing(recording, scan), scan)
 
 
 def ready_localizer(
@@ -187,7 +189,8 @@ def learn_and_keep(
     if progress:
         progress("building the map", LEARNED)
     prepared = prepare(scan, scene, configuration, calibration, model)
-    found = calibration, prepared, _contents(scan, scene, recording.notes)
+    tracks = model and model.scan.tracks
+    found = calibration, prepared, _contents(scan, scene, recording.notes, tracks)
     if states[-1] == _content_key(folder):  # it may be recorded at this moment
         file, key = _keys(folder, scene, configuration)
         try:
@@ -220,8 +223,8 @@ def _require_columns(scan: Scan, scene: Scene) -> None:
     scene.channels(scan.phalanges, scan.channels)
 
 
-def _contents(scan: Scan, scene: Scene, notes: Sequence[str]) -> Contents:
-    return Contents(len(scan), len(scan.sweep_numbers), make_map(scan, scene), notes)
+def _contents(scan: Scan, scene: Scene, notes: Sequence[str], tracks: Tracks | None = None) -> Contents:
+    return Contents(len(scan), len(scan.sweep_numbers), make_map(scan, scene, tracks), notes)
 
 
 def _keys(
