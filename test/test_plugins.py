@@ -23,6 +23,9 @@ ROOT = Path(__file__).parents[1]
 Run = Callable[[str], tuple[int, str, str]]
 
 SECOND = """
+[tool.setuptools]
+py-modules = ["skin_second"]
+
 [project]
 name = "skin-second"
 version = "1.0"
@@ -77,8 +80,7 @@ def block(first: str) -> str:
 def package(folder: Path, project: str, modules: Mapping[str, str]) -> Path:
     """The wheel of a package."""
     folder.mkdir(parents=True)
-    names = ", ".join(f'"{name}"' for name in modules)
-    (folder / "pyproject.toml").write_text(f"{project}\n[tool.setuptools]\npy-modules = [{names}]\n")
+    (folder / "pyproject.toml").write_text(project)
     for name, code in modules.items():
         (folder / f"{name}.py").write_text(code)
     code = f"import setuptools.build_meta as build; build.build_wheel({str(folder)!r})"

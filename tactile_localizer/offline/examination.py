@@ -80,11 +80,7 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
                 )
     converged = sum(each.converged for each in on_map)
     if observed.any() and (2 * converged < len(on_map) or examination.score < examination.ignorance):
-        alike = np.abs([each.alike for each in on_map if each.alike])
-        why = "the sweeps differ from each other by as much as places do"
-        if 2 * len(alike) > len(on_map) - converged:
-            apart = describe_sizes(scene, np.median(alike, axis=0))
-            why = f"places that are {apart} apart feel alike, until something else is felt"
+        why = _why_few(scene, on_map, [name for name, yes in zip(names, observed, strict=True) if not yes])
         found.append(f"only {converged} of {_trials(on_map)} converged: {why}")
     if wrong := sorted({each.sweep + 1 for each in on_map if each.wrong}):
         found.append(f"converged at a wrong place in the examination: sweep {listed(map(str, wrong))}")
@@ -97,6 +93,17 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
     if _sweeps(on_map) < _FEW:
         found.append(f"examination: only {_sweeps(on_map)} sweeps, which says little; record more")
     return found
+
+
+def _why_few(scene: Scene, on_map: Sequence[Outcome], unknown: Sequence[str]) -> str:
+    """Why few sweeps ``on_map`` converge, where the axes ``unknown`` cannot be localized."""
+    if unknown:
+        return f"the position along {listed(unknown)} stays open"
+    alike = np.abs([each.alike for each in on_map if each.alike])
+    if 2 * len(alike) > sum(not each.converged for each in on_map):
+        apart = describe_sizes(scene, np.median(alike, axis=0))
+        return f"places that are {apart} apart feel alike, until something else is felt"
+    return "the sweeps differ from each other by as much as places do"
 
 
 def examination_document(examination: Examination) -> dict[str, Any]:

@@ -66,5 +66,23 @@ def test_what_needs_attention_is_a_finding(what: dict[str, float], finding: str)
     assert re.match(finding, found), found
 
 
+@pytest.mark.parametrize(
+    ("along_y", "alike", "why"),
+    [
+        (-0.1, (), "the sweeps differ from each other by as much as places do"),
+        (-0.1, (0.0, 0.04), "places that are x 0.00 mm, y 40.00 mm apart feel alike, until .*"),
+        (-1.0, (), "the position along y stays open"),
+    ],
+)
+def test_why_few_sweeps_converge_is_said(along_y: float, alike: tuple[float, ...], why: str) -> None:
+    found = examination(along_y=along_y)
+    never = [
+        replace(each, right=False, converged=False, alike=alike) if each.on_map and each.sweep < 4 else each
+        for each in found.outcomes
+    ]
+    *_, last = examination_findings(SCENE, replace(found, outcomes=tuple(never)))
+    assert re.fullmatch(f"only 2 of 6 sweeps converged: {why}", last), last
+
+
 def test_a_single_false_claim_is_no_finding() -> None:
     assert examination_findings(SCENE, examination(off_map=1)) == []
