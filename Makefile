@@ -102,7 +102,7 @@ site: venv ## Build the pages as a web site in out/site
 
 .PHONY: demo
 demo: build ## Scan a simulated feature, then localize on it (FEATURE=bump, snap or grommet)
-	@$(run) tactile-localizer demo --feature $(FEATURE) --out out/demo
+	@$(run) tactile-localizer demo --feature $(FEATURE) --output out/demo
 
 .PHONY: soak
 soak: build ## Inject the faults of docs/faults.md into the running nodes for MINUTES=30

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "-o",
-        "--out",
+        "--output",
         type=output_path,
         default=Path("out/demo"),
         metavar="DIR",
@@ -59,10 +59,10 @@ def run(args: argparse.Namespace) -> int:
         A file cannot be written or removed.
     """
     whole_number(args.sweeps, "--sweeps", lower=1)
-    figures, picture = args.out / "replay.json", args.out / "replay.png"
+    figures, picture = args.output / "replay.json", args.output / "replay.png"
     require_writable(figures, args)
     require_picture(picture, args)
-    earlier = _earlier(args.out)
+    earlier = _earlier(args.output)
     from tactile_localizer.demo.session import record_session
 
     for path in earlier:
@@ -74,16 +74,16 @@ def run(args: argparse.Namespace) -> int:
         print(f"{time.monotonic() - begun_s:5.1f} s  {text}"[:_WIDTH], flush=True)
 
     try:
-        lost = record_session(args.feature, args.out, args.seed, args.speed, args.sweeps, say)
+        lost = record_session(args.feature, args.output, args.seed, args.speed, args.sweeps, say)
     finally:
-        write_json(args.out / _MARK, {"files": sorted(_files(args.out))})
+        write_json(args.output / _MARK, {"files": sorted(_files(args.output))})
     say(f"recorded: {counted(args.sweeps, 'sweep')}, {counted(lost, 'frame')} lost")
-    replay = ["replay", f"{args.out}/bag", "--scan", f"{args.out}/scan"]
+    replay = ["replay", f"{args.output}/bag", "--scan", f"{args.output}/scan"]
     replay += ["--plot", str(picture), "--json", str(figures)]
     print(f"\n$ tactile-localizer {shlex.join(replay[:4])} \\\n    {shlex.join(replay[4:])}", flush=True)
     status = main(replay)
     if (recorded := json.loads(figures.read_text())["summary"]["sweeps"]) != args.sweeps:
-        raise LiveError(f"{args.out}/bag: expected {counted(args.sweeps, 'sweep')}, found {recorded}")
+        raise LiveError(f"{args.output}/bag: expected {counted(args.sweeps, 'sweep')}, found {recorded}")
     return status
 
 

@@ -84,7 +84,7 @@ def _add_bag_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_can_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options for CAN logs: layout, channel."""
     add = parser.add_argument_group("CAN logs").add_argument
-    text = "CAN database (DBC): a file, or the name of a shipped one"
+    text = "CAN database (DBC), which `import can` needs: a file, or the name of a shipped one"
     add("--dbc", type=InputPath, metavar="FILE", help=text)
     text = "parameters of the driver node, if messages or signals do not have the default names"
     add("--params-file", type=InputPath, metavar="YAML", help=text)

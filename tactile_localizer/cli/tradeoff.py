@@ -67,7 +67,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write the fastest configuration per millimetre of travel within this mean error, mm",
     )
     add_parallel_arguments(parser)
-    parser.add_argument("-o", "--output", type=output_path, default=Path("tradeoff"), metavar="DIR")
+    text = "folder for rows, picture and configuration (default tradeoff)"
+    parser.add_argument(
+        "-o", "--output", type=output_path, default=Path("tradeoff"), metavar="DIR", help=text
+    )
 
 
 def run(args: argparse.Namespace) -> int:

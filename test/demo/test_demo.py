@@ -32,7 +32,7 @@ from tactile_localizer.streams.runs import stamp_of
 
 
 def test_an_interrupt_stops_all_processes(process, tmp_path):
-    demo = process(["tactile-localizer", "demo", "--out", tmp_path / "demo", "--speed", "12"])
+    demo = process(["tactile-localizer", "demo", "--output", tmp_path / "demo", "--speed", "12"])
     demo.wait_for_line("scanning")
     nodes = children(demo.pid)
     assert len(nodes) == 3
@@ -149,7 +149,7 @@ raise SystemExit(main())
 @pytest.mark.slow
 def test_the_demo_is_the_replay_of_its_bag(process, tmp_path):
     folder = tmp_path / "demo"
-    command = [sys.executable, "-c", OF_HALF_THE_SHEET, "demo", "--out", folder]
+    command = [sys.executable, "-c", OF_HALF_THE_SHEET, "demo", "--output", folder]
     demo = process([*command, "--sweeps", "3"])
     status = demo.wait(timeout_s=600.0)
     steps, replayed = demo.output.split("$ tactile-localizer replay ")
@@ -214,7 +214,7 @@ def end_at_once(monkeypatch, folder):
 def test_an_earlier_session_is_replaced(monkeypatch, tmp_path, capsys):
     end_at_once(monkeypatch, tmp_path)
     for _ in range(3):
-        assert main(["demo", "--out", str(tmp_path)]) == 2
+        assert main(["demo", "--output", str(tmp_path)]) == 2
         assert capsys.readouterr().err == "error: begun\n"
         (tmp_path / "scan/calibration.json").write_text(f'{{"kind": "{RESULT}"}}')  # by a replay
 
@@ -231,12 +231,12 @@ def test_an_earlier_session_is_replaced(monkeypatch, tmp_path, capsys):
 )
 def test_a_session_with_what_is_not_of_the_demo_stays(monkeypatch, tmp_path, capsys, name):
     end_at_once(monkeypatch, tmp_path)
-    assert main(["demo", "--out", str(tmp_path)]) == 2
+    assert main(["demo", "--output", str(tmp_path)]) == 2
     capsys.readouterr()
     (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_text("changed by the user")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    assert main(["demo", "--out", str(tmp_path)]) == 2
+    assert main(["demo", "--output", str(tmp_path)]) == 2
     assert "expected none, or that of an earlier demo, found " in capsys.readouterr().err
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
@@ -250,11 +250,11 @@ def test_the_status_is_the_verdict_whatever_was_lost(monkeypatch, tmp_path, caps
 
     monkeypatch.setattr("tactile_localizer.demo.session.record_session", lambda *_: lost)
     monkeypatch.setattr("tactile_localizer.cli.demo.main", replay)
-    assert main(["demo", "--out", str(tmp_path)]) == verdict
+    assert main(["demo", "--output", str(tmp_path)]) == verdict
     assert f"recorded: 18 sweeps, {lost} frames lost\n" in capsys.readouterr().out
 
 
 def test_a_demo_without_a_sweep_is_refused_before_the_scan(tmp_path, capsys):
-    assert main(["demo", "--sweeps", "0", "--out", str(tmp_path / "demo")]) == 2
+    assert main(["demo", "--sweeps", "0", "--output", str(tmp_path / "demo")]) == 2
     assert capsys.readouterr().err == "error: --sweeps: expected at least 1, got 0\n"
     assert not (tmp_path / "demo").exists()
