@@ -144,7 +144,7 @@ def test_pairs_do_not_depend_on_the_order_of_arrival(order, pose_steps, strain_s
 
 
 def streams(rng):
-    """Stamps of strain and poses, and the times of their arrival: jumps, silence, late messages."""
+    """Stamps of strain and poses, and times of arrival: jumps, silence, late, repeated and missing ones."""
     begin, stamp, stamps, arrivals = 0, 50_000, ([], []), ([], [])
     for _ in range(rng.integers(1, 5)):
         silence = rng.integers(0, 5000)
@@ -154,7 +154,7 @@ def streams(rng):
         )
         for topic, period in ((0, 7), (1, 10)):
             times = np.arange(rng.integers(0, 300), 2500, period)
-            times = times[rng.random(len(times)) > 0.02]
+            times = np.repeat(times, rng.choice([0, 1, 2], len(times), p=[0.02, 0.96, 0.02]))
             delay = rng.integers(0, 400)  # ms
             late = np.where(rng.random(len(times)) < 0.05, rng.integers(0, 100, len(times)), 0)
             order = np.argsort(times + late, kind="stable")
@@ -164,40 +164,54 @@ def streams(rng):
     return [np.array(each) * MS for each in stamps], [np.maximum.accumulate(each) for each in arrivals]
 
 
-def fed(session, strain_ns, pose_ns, x, order, take):
-    """Pairs of a session in which strain (n) and poses (m) arrive in an order, (n + m) of their rows."""
-    pairs = []
+def fed(session, strain_ns, pose_ns, x, order, take, begins=()):
+    """Pairs of a session in which strain (n) and poses (m) arrive in an order, (n + m) of their rows.
+
+    Sweeps begin at rows, ``begins``, of the strain; a recording gets its marks at the end.
+    """
+    pairs, marks = [], []
     for at in order.tolist():
         if at < len(strain_ns):
             session.add_strain(int(strain_ns[at]), at)
+            if at in begins:
+                marks.append((session.run, session.newest_ns, at))
         else:
             session.add_pose(int(pose_ns[at - len(strain_ns)]), x[at - len(strain_ns)])
         pairs += take(session)
+        if marks and take is Session.take:
+            session.mark(*marks.pop())
+    for mark in marks:
+        session.mark(*mark)
     return pairs + session.finish()
 
 
 def require_same(pairs, others):
-    assert [(pair.measurement, pair.run) for pair in pairs] == [
-        (pair.measurement, pair.run) for pair in others
+    assert [(pair.measurement, pair.run, pair.sweep) for pair in pairs] == [
+        (pair.measurement, pair.run, pair.sweep) for pair in others
     ]
     places = [[np.nan if p.position is None else p.position[0] for p in each] for each in (pairs, others)]
     np.testing.assert_array_equal(*places)
 
 
-@given(st.integers(0, 2**32), st.sampled_from([0.0, 0.07, -0.05]))
-def test_a_recorded_session_is_the_live_one_whatever_the_order_of_arrival(seed, delay_s):
-    """Jumps included, whichever topic jumps first."""
+@given(st.integers(0, 2**32), st.sampled_from([0.0, 0.07, -0.05]), st.booleans())
+def test_a_recorded_session_is_the_live_one_whatever_the_order_of_arrival(seed, delay_s, is_detected):
+    """Jumps included, whichever topic jumps first; its sweeps, too, by marks or detected."""
     rng = np.random.default_rng(seed)
+
+    def session(**how):
+        return Session(AXES, delay_s=delay_s, detector=SweepDetector(AXES) if is_detected else None, **how)
+
     (strain_ns, pose_ns), (strain_at, pose_at) = streams(rng)
-    x = rng.random((len(pose_ns), 1))
+    x = 0.5 + 0.1 * np.sin(pose_ns[:, None] / (300 * MS))
+    begins = {*rng.choice(len(strain_ns), 4).tolist()}
     order, other = (
         np.argsort(np.concatenate([strain_at + apart, pose_at]), kind="stable")
         for apart in (0, rng.integers(-200, 200))
     )
-    live = fed(Session(AXES, delay_s=delay_s), strain_ns, pose_ns, x, order, Session.take)
+    live = fed(session(), strain_ns, pose_ns, x, order, Session.take, begins)
     for arrived in (order, other):
-        recorded = Session(AXES, patience_s=math.inf, delay_s=delay_s)
-        require_same(fed(recorded, strain_ns, pose_ns, x, arrived, lambda session: []), live)
+        recorded = session(patience_s=math.inf)
+        require_same(fed(recorded, strain_ns, pose_ns, x, arrived, lambda session: [], begins), live)
     assert recorded.run == np.count_nonzero(np.diff(strain_ns) < -500 * MS)
 
 
@@ -234,7 +248,8 @@ def test_a_sweep_holds_what_is_stamped_between_its_marks_whenever_it_arrives():
     for stamp_ms in (1, 2, 3):
         session.add_strain(stamp_ms * MS, None)
     session.mark(0, 4 * MS, 7)
-    session.mark(0, 2 * MS, 8)  # from before the one that it replaces
+    session.mark(0, 5 * MS, 9)
+    session.mark(0, 2 * MS, 8)  # from before those that it replaces
     session.mark(0, 5 * MS, NO_SWEEP)
     for stamp_ms in (4, 5, 6):
         session.add_strain(stamp_ms * MS, None)

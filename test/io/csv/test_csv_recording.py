@@ -74,6 +74,16 @@ def test_poses_of_another_file_are_interpolated(tmp_path):
         read_csv([touch] * 3, LINE, naming, poses=[poses] * 2)
 
 
+def test_poses_of_one_run_are_those_of_all_runs_of_the_strain(tmp_path):
+    rows = [[f"{1 + at:.2f}", *range(8)] for at in (1.0, 1.1, 1.2, 0.1, 0.2, 0.3)]
+    touch = write_csv(tmp_path / "touch.csv", ["stamp_s", *GAUGES], rows)
+    poses = write_csv(
+        tmp_path / "poses.csv", ["stamp_s", "x"], [[1 + 0.05 * n, 0.001 * n] for n in range(30)]
+    )
+    sweeps = read_csv(touch, LINE, poses=[poses]).sweeps
+    assert [(len(each), each.gaps) for each in sweeps] == [(3, 0), (3, 0)]
+
+
 def test_late_strain_is_of_the_place_and_the_sweep_where_it_was_felt(tmp_path):
     rows = [[f"{1 + 0.2 * n:.1f}", 1 + n // 5, *range(8)] for n in range(10)]
     touch = write_csv(tmp_path / "touch.csv", ["stamp_s", "sweep", *GAUGES], rows)
