@@ -63,12 +63,12 @@ def test_strain_without_poses_is_named(pose_s):
     assert gaps(np.arange(0.0, 10.0, 0.1), pose_s).startswith("most of the strain is before or after all")
 
 
-def seen_with(late_ms, arrivals, period_ms=10):
+def seen_with(late_ms, arrivals, period_ms, begin_ms):
     """A session whose poses are stamped some time before their receipt, and 4 s late at its begin."""
     session = Session(AXES, max_gap_s=0.5, arrivals=arrivals)
     for ms in range(0, 4000, period_ms):
         session.add_strain((ms + 1_000_000) * MS, None, ms * MS)
-        late = 4000 if ms < 1500 else late_ms
+        late = 4000 if ms < begin_ms else late_ms
         session.add_pose((ms + 1_000_000 - late) * MS, np.array([ms * 1e-5]), ms * MS)
     return session.seen("max_gap_s")
 
@@ -77,7 +77,8 @@ def seen_with(late_ms, arrivals, period_ms=10):
 @pytest.mark.parametrize(("live", "period_ms"), [(False, 10), (True, 10), (True, 200)])
 def test_stamps_far_from_their_receipt_are_named_live_as_in_recordings(late_ms, live, period_ms):
     """Whatever the clock of the receiver; live those of the last seconds count, however many they are."""
-    seen = seen_with(late_ms, Arrivals(2000, 2.0) if live else Arrivals(), period_ms)
+    arrivals, begin_ms = (Arrivals(2000, 2.0), 2500) if live else (Arrivals(), 1500)
+    seen = seen_with(late_ms, arrivals, period_ms, begin_ms)
     text = next((each.text for each in findings(seen, live=live) if each.name == "lead"), "")
     way = "behind" if late_ms > 0 else "ahead of"
     expected = (
