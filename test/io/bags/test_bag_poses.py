@@ -47,9 +47,11 @@ def test_late_strain_has_the_positions_where_it_was_felt(tmp_path):
     felt_ms = np.arange(30, 900, 190)
     strains = [("strain", ms, strain(ms)) for ms in (felt_ms + 70).tolist()]
     poses = [("palm_pose", ms, pose(ms)) for ms in range(20, 1001, 20)]
-    (sweep,) = read_bag(write_bag(tmp_path / "bag", strains + poses), SCENE, delay_s=0.07).sweeps
+    true = [("tactile_simulator/ground_truth", ms, pose(ms, x=x_at(ms) + 0.01)) for _, ms, _ in poses]
+    (sweep,) = read_bag(write_bag(tmp_path / "bag", strains + poses + true), SCENE, delay_s=0.07).sweeps
     np.testing.assert_array_equal(sweep.stamp_ns, START + felt_ms * MS)
     np.testing.assert_allclose(sweep.position[:, 0], x_at(felt_ms))
+    np.testing.assert_allclose(sweep.truth[:, 0], x_at(felt_ms) + 0.01)
 
 
 @pytest.mark.parametrize(
