@@ -247,8 +247,8 @@ def test_a_sweep_holds_what_is_stamped_between_its_marks_whenever_it_arrives():
     session = Session(AXES)
     for stamp_ms in (1, 2, 3):
         session.add_strain(stamp_ms * MS, None)
-    session.mark(0, 4 * MS, 7)
-    session.mark(0, 5 * MS, 9)
+    for after_ms in (3, 4, 5):
+        session.mark(0, after_ms * MS, 7)
     session.mark(0, 2 * MS, 8)  # from before those that it replaces
     session.mark(0, 5 * MS, NO_SWEEP)
     for stamp_ms in (4, 5, 6):
