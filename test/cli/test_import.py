@@ -371,6 +371,8 @@ def test_strain_that_is_late_in_strokes_there_and_back_is_corrected(folder, run)
     assert ScanFolder("a_scan").strain_delay_s == pytest.approx(0.24, abs=0.003)
     assert "is late" not in run(f"{arguments} --delay 0 -o b_scan")[1]
     assert "strain is taken as 0.24 s late (--delay)" in run(f"{arguments} --delay 0.24 -o c_scan")[1]
+    last_s = [1e-9 * ScanFolder(f"{name}_scan").recording().sweeps[-1].stamp_ns[-1] for name in "abc"]
+    assert np.subtract(last_s[1], last_s) == pytest.approx([0.24, 0.0, 0.24], abs=0.003)
     late_strokes(folder / "on_time.csv", 0)
     assert "late" not in run("csv on_time.csv --scene line.yaml -o d_scan")[1]
     true, scan = (ScanFolder(name).load() for name in ("d_scan", "c_scan"))
