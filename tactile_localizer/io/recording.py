@@ -270,6 +270,12 @@ def gap_notes(recording: Recording) -> list[str]:
     return [found] * bool(gaps)
 
 
+def unusable(recording: Recording, notes: Sequence[str], expected: str) -> ScanError:
+    """Refusal of a recording, in a line that names its file once: the notes, and what was expected."""
+    own = f"{recording.source}: "
+    return ScanError(own + "; ".join((*notes, expected)).replace(own, ""))
+
+
 def scan_of(recording: Recording, scene: Scene) -> Scan:
     """The samples of all sweeps as training pairs, in the order of the sweeps; ``scene`` names the columns.
 

@@ -13,7 +13,7 @@ from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.scan.range import ScanRange
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.errors import ScanError
-from tactile_localizer.io.recording import Recording, numbered_apart, usable
+from tactile_localizer.io.recording import Recording, numbered_apart, unusable, usable
 from tactile_localizer.io.scans.folder import ScanFolder
 from tactile_localizer.io.scans.learned import ready_localizer
 from tactile_localizer.offline.metrics import ContactMap, with_contact_on
@@ -61,10 +61,17 @@ def replay_recording(
     contact : map that marks the samples in contact with a feature
     bounds : range of the scan
     progress : called with a description of the work and the completed fraction
+
+    Raises
+    ------
+    ScanError
+        No sample has a position and strain.
     """
     localizer = make()
     recording, odometry = read()
     scene, sweeps = localizer.scene, recording.sweeps
+    if not any(usable(sweep.status).any() for sweep in sweeps):
+        raise unusable(recording, recording.notes, "expected samples, found none that a filter can use")
     strains, positions = [np.zeros(0, dtype=bool)], [np.zeros(0, dtype=bool)]
     for sweep in sweeps:
         strains.append(bounds.strains_outside(sweep.strain, usable(sweep.status)))

@@ -45,6 +45,18 @@ def difference(seen: Seen) -> Measure:
     yield ahead_s, {"what": what, "ranges": _ranges(seen)}
 
 
+def duration(seen: Seen) -> Measure:
+    """Duration of the longer of strain and poses by that of the other, 0.0 where they overlap.
+
+    Where they differ by far, no offset of a clock makes one from the other.
+    """
+    strain_s, pose_s = (float(np.ptp(each)) / NANOSECONDS for each in (seen.strain_ns, seen.pose_ns))
+    longer_s, shorter_s = max(strain_s, pose_s), min(strain_s, pose_s)
+    is_apart = shorter_s > 0.0 and clock_difference_s(seen.strain_ns, seen.pose_ns) != 0.0
+    words = {"strain_s": strain_s, "pose_s": pose_s, "ranges": _ranges(seen)}
+    yield longer_s / shorter_s if is_apart else 0.0, words
+
+
 def outside(seen: Seen) -> Measure:
     """Fraction of the strain that is before or after all poses."""
     before, after = seen.strain_ns < seen.pose_ns.min(), seen.strain_ns > seen.pose_ns.max()

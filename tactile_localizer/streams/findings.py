@@ -10,7 +10,7 @@ import numpy as np
 
 from tactile_localizer.scene import Axis
 from tactile_localizer.streams.arrivals import Measure, Seen
-from tactile_localizer.streams.clocks import difference, lead, outside, spacing
+from tactile_localizer.streams.clocks import difference, duration, lead, outside, spacing
 from tactile_localizer.streams.palm_motion import holding, jumping, stillness
 
 CLOCKS, MOTION = "clocks", "motion"
@@ -38,6 +38,14 @@ class Finding(NamedTuple):
 
 
 FINDINGS = (
+    Finding(
+        "duration",
+        CLOCKS,
+        duration,
+        2.0,
+        "the poses are of another recording? they last {pose_s:.3g} s, the strain {strain_s:.3g} s: {ranges}",
+        is_live=False,
+    ),
     Finding(
         "difference",
         CLOCKS,

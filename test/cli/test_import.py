@@ -394,6 +394,21 @@ def test_replay_says_of_strain_what_an_import_says(folder, run, capsys):
     assert "note: skipped 500 of 2000 samples without a palm pose" in capsys.readouterr().out
 
 
+def test_a_replay_of_nothing_usable_is_an_error(folder, run, capsys):
+    late_strokes(folder / "train.csv", 0)
+    run("csv train.csv --scene line.yaml -o a_scan")
+    rows = [row.split(",") for row in (folder / "train.csv").read_text().splitlines()]
+    write_csv(folder / "strain.csv", [[row[0], *row[3:]] for row in rows[1:601]], [rows[0][0], *rows[0][3:]])
+    poses = [[9e4 + float(row[0]), row[2]] for row in rows[1:]]
+    write_csv(folder / "poses.csv", poses, ["stamp_s", "x"])
+    assert main(["replay", "strain.csv", "--poses", "poses.csv", "--scan", "a_scan"]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "strain.csv: poses.csv: the poses are of another recording? they last 20 s" in printed.err
+    assert "skipped 600 of 600 samples without a palm pose close enough in time" in printed.err
+    assert "shifts the poses" not in printed.err
+
+
 def test_a_delay_that_strokes_in_one_direction_hide_is_said(folder, run):
     rows, hidden = sheet_rows(), "a delay of the strain against the poses cannot be seen"
     write_csv(folder / "train.csv", rows)

@@ -34,6 +34,12 @@ def test_another_clock_is_named_with_both_ranges():
     assert gaps([7.0, 8.0], [6.95, 7.0]) == ""
 
 
+def test_poses_of_another_length_are_no_other_clocks():
+    found = gaps([5.0, 6.5], np.arange(1005.0, 1015.0, 0.05))
+    assert found.startswith("the poses are of another recording? they last 9.95 s, the strain 1.5 s: strain")
+    assert "another recording" not in gaps([5.0, 14.0], np.arange(5.0, 7.0, 0.05)), "they overlap"
+
+
 @pytest.mark.parametrize("hours", [1.0, -1.0, 5.75, -9.5])
 @pytest.mark.parametrize("length_s", [12.0, 12_000.0])
 def test_the_difference_of_two_time_zones_is_exact(hours, length_s):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.errors import ScanError, listed
-from tactile_localizer.io.recording import OUTSIDE, USABLE, Recording, gap_notes, screen
+from tactile_localizer.io.recording import OUTSIDE, USABLE, Recording, gap_notes, screen, unusable
 from tactile_localizer.io.scans.folder import SESSIONS, require_new
 from tactile_localizer.io.scans.writer import ScanWriter
 from tactile_localizer.io.status import MISSING, SATURATED
@@ -61,7 +61,7 @@ def import_recording(
         expected = (
             f"{expected} (--force imports them nevertheless)" if kept else "expected samples, found none"
         )
-        raise ScanError(f"{recording.source}: {'; '.join((*notes, expected))}")
+        raise unusable(recording, notes, expected)
     path = Path(path)
     try:
         if path.exists():
@@ -103,5 +103,6 @@ def _skipped_notes(recording: Recording, scene: Scene, reasons: Sequence[np.ndar
             yield f"skipped {count} of {len(recording) + gaps} samples {what}"
     yield from gap_notes(recording)
     each = zip(recording.sweeps, reasons, strict=True)
-    if empty := [str(sweep.number) for sweep, reason in each if not (reason == USABLE).any()]:
+    empty = [str(sweep.number) for sweep, reason in each if not (reason == USABLE).any()]
+    if 0 < len(empty) < len(reasons):
         yield f"no pairs: sweep {listed(empty)}"

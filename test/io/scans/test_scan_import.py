@@ -74,6 +74,16 @@ def test_an_import_of_few_usable_samples_leaves_no_file(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_refusal_names_its_file_once_and_no_sweeps(tmp_path):
+    sweeps = tuple(sweep_of(number, [2.0 + 0.01 * number]) for number in range(3))
+    recording = Recording("a.csv", sweeps, ("a.csv: one note",))
+    with pytest.raises(ScanError) as error:
+        import_recording(recording, SCENE, tmp_path / "a_scan")
+    assert str(error.value).startswith("a.csv: one note; skipped 3 of 3")
+    assert str(error.value).count("a.csv") == 1
+    assert "no pairs" not in str(error.value)
+
+
 def test_samples_that_could_not_be_read_count_as_unusable(tmp_path):
     readable = sweep_of(1, [0.5, 0.6])
     import_recording(Recording("source", (readable,), (), lost=2), SCENE, tmp_path / "half")

@@ -102,12 +102,12 @@ def test_a_replays_report_has_what_a_reader_looks_for(folder: Path) -> None:
     assert page.elements.count("svg") == 10
 
 
-def test_a_recording_without_sweeps_is_reported(folder: Path, tmp_path: Path) -> None:
+def test_a_recording_without_sweeps_is_an_error(folder: Path, tmp_path: Path) -> None:
     empty, report = tmp_path / "empty_scan", tmp_path / "report.html"
     empty.mkdir()
     shutil.copy(folder / "bump_scan/scene.yaml", empty)
-    assert run(f"replay {empty} --scan {folder}/bump_scan --report {report}") == 1
-    assert "NOT localized" in Page(report).text
+    assert run(f"replay {empty} --scan {folder}/bump_scan --report {report}") == 2
+    assert not report.exists()
 
 
 def test_a_scans_report_has_its_totals_map_and_findings(folder: Path) -> None:
