@@ -79,7 +79,10 @@ def run(args: argparse.Namespace) -> int:
     detail = _detail(args, options[0])
     if delay_s:
         detail[STRAIN_DELAY] = round(delay_s, 4)
-    scene.cells(_CELL_M / levers(scene))
+    try:
+        scene.cells(_CELL_M / levers(scene))
+    except SceneError as error:
+        raise SceneError("; ".join((*recording.notes, str(error)))) from None
     what = f"import {args.kind}"
     notes = import_recording(recording, scene, args.output, what=what, detail=detail, force=args.force)
     if assumptions:

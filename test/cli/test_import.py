@@ -314,7 +314,29 @@ def test_a_proposal_has_every_axis(folder, run):
 
 
 def test_a_proposal_in_millimetres_is_noticed(folder, run):
-    assert "(positions in mm? --column x=NAME*0.001)" in run(f"{touch_and_poses(folder, 1e3)} -o own_scan")[1]
+    arguments = touch_and_poses(folder, 1e3)
+    hint = "poses.csv: x spans 49.67 m (in mm? --column x=px*0.001)"
+    assert hint in run(f"{arguments} -o own_scan")[1]
+    status, _, refusal = run(f"{arguments} --column y=px -o sheet_scan")
+    assert status == 2
+    assert refusal.index(hint) < refusal.index("expected at most 1,000,000 cells")
+
+
+def test_positions_in_millimetres_are_named_by_their_file_and_column(folder, run, capsys):
+    late_strokes(folder / "train.csv", 0)
+    run("csv train.csv --scene line.yaml -o a_scan")
+    rows = [row.split(",") for row in (folder / "train.csv").read_text().splitlines()]
+    write_csv(folder / "strain.csv", [[row[0], *row[3:]] for row in rows[1:]], [rows[0][0], *rows[0][3:]])
+    poses = [[row[0], 1e3 * float(row[2])] for row in rows[1:]]
+    write_csv(folder / "poses.csv", poses, ["stamp_s", "tcp_mm"])
+    reading = "strain.csv --poses poses.csv --column x=tcp_mm"
+    hint = "poses.csv: x spans 40 m, the scene 0.061 m (in mm? --column x=tcp_mm*0.001)"
+    status, _, refusal = run(f"csv {reading} --scene line.yaml -o b_scan")
+    assert status == 2
+    assert f"strain.csv: {hint}; skipped 19" in refusal
+    main(["replay", *reading.split(), "--scan", "a_scan"])
+    assert f"note: {hint}" in capsys.readouterr().out
+    assert "in mm?" not in run(f"csv {reading}*0.001 --scene line.yaml -o c_scan")[1]
 
 
 def test_sweeps_of_a_csv_are_detected_in_one_or_both_directions(folder, run):

@@ -20,9 +20,6 @@ from tactile_localizer.scene import (
 )
 from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S
 
-_LONGEST_M = 3.0
-"""Longest plausible range of positions on material, m (judgement)."""
-
 
 def propose_scene(
     name: str,
@@ -82,12 +79,9 @@ def propose_scene(
         margin, unit, factor = (0.1, "rad", 1.0) if axis == "yaw" else (0.005, "mm", 1e3)
         lower, upper = round(low - margin, 4), round(high + margin, 4)
         bounded.append(Axis(axis, max(lower, -largest[axis]), min(upper, largest[axis])))
-        unlikely = (
-            " (positions in mm? --column x=NAME*0.001)" if high - low > _LONGEST_M and axis != "yaw" else ""
-        )
         assumptions.append(
             f"bounds of {axis}: {factor * low:.1f} to {factor * high:.1f} {unit} (recorded), "
-            f"and {factor * margin:g} {unit} on each side{unlikely}"
+            f"and {factor * margin:g} {unit} on each side"
         )
     return Scene(name, tuple(bounded), phalanges), [
         *assumptions,

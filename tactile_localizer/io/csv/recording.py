@@ -45,6 +45,10 @@ LOCAL_TIME = (".asc", ".mf4")
 """Formats of CAN logs with local time, which python-can reads as of the zone of this machine."""
 _PERIOD_S = 5e-5, 0.5
 """Shortest and longest plausible time between samples of a tactile sensor, s (judgement)."""
+_LONGEST_M = 3.0
+"""Longest plausible range of positions on material, m (judgement)."""
+_NEARER_TO_MM = math.sqrt(1000.0)
+"""Range of positions by the scene's extent above which it is nearer to one in mm than in m, in ratio."""
 _YEAR_2000_S = 946_684_800
 _IRREGULAR = 0.25
 """Range of the middle half of the steps, by their median, that no sampling has (judgement)."""
@@ -117,12 +121,12 @@ def _read_file(
         table = strain(path)
     label, notes, stamp_ns = _sweep_numbers(path, table), table.notes, table.stamp_ns
     if pose_path is None:
-        notes += _yaw_notes(path, naming, axes, table)
+        notes += _unit_notes(path, scene, naming, axes, table)
         position, run, truth = _of_rows(scene, naming, axes, table, label)
     else:
         stamp = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
         poses = read_table(pose_path, scene, naming, stamp, axes, {})
-        notes += [*poses.notes, *_yaw_notes(pose_path, naming, axes, poses)]
+        notes += [*poses.notes, *_unit_notes(pose_path, scene, naming, axes, poses)]
         run, pose_run = runs_of(stamp_ns), runs_of(poses.stamp_ns)
         stamp_ns, label = _when_felt(stamp_ns, run, label, delay_s)
         notes += row_notes(f"rows of {pose_path}", pose_run)
@@ -225,14 +229,28 @@ def _truth(scene: Scene, table: Table) -> np.ndarray | None:
     return np.column_stack(known) if len(known) == scene.dimension else None
 
 
-def _yaw_notes(path: Path, naming: ColumnNaming, axes: Mapping[str, Names], table: Table) -> Iterator[str]:
-    """A finding about yaw that seems to be in degrees, before it is wrapped."""
+def _unit_notes(
+    path: Path, scene: Scene, naming: ColumnNaming, axes: Mapping[str, Names], table: Table
+) -> Iterator[str]:
+    """Findings about positions that seem to be in degrees, before they are wrapped, or in millimetres."""
+    extent = dict(zip(scene.axis_names, scene.extent.tolist(), strict=True))
     read = {**dict(zip(axes, table.position.T, strict=False)), **table.beside}
-    for name in read.keys() & {"yaw", TRUE["yaw"]}:
+    for name in (name for axis in axes for name in (axis, TRUE[axis]) if name in read):
+        is_timed = naming.of(name).names == naming.of("stamp_s").names  # a constant speed, in each sweep
+        if is_timed or not np.isfinite(read[name]).any():
+            continue
         low, high = np.nanmin(read[name]), np.nanmax(read[name])
-        if max(-low, high, high - low) > 2 * math.pi:
-            factor = f"--column {name}={naming.of(name).names[0]}*{math.radians(1):.6g}"
-            yield f"{path}: {name} is {low:.4g} to {high:.4g} rad: in degrees? {factor}"
+        column, axis = f"--column {name}={naming.of(name).names[0]}", name.removeprefix("true_")
+        if axis == "yaw":
+            if max(-low, high, high - low) > 2 * math.pi:
+                factor = f"{column}*{math.radians(1):.6g}"
+                yield f"{path}: {name} is {low:.4g} to {high:.4g} rad: in degrees? {factor}"
+            continue
+        most = np.subtract(*np.nanquantile(read[name], [0.95, 0.05]))  # without what is not read as it is
+        if most > min(_LONGEST_M, _NEARER_TO_MM * extent[axis]):
+            spans = f"{name} spans {high - low:.4g} m"
+            of_scene = f", the scene {extent[axis]:.4g} m" if extent[axis] < _LONGEST_M else ""
+            yield f"{path}: {spans}{of_scene} (in mm? {column}*0.001)"
 
 
 def _sweep_numbers(path: Path, table: Table) -> np.ndarray:

@@ -53,9 +53,12 @@ def test_each_file_is_a_sweep(tmp_path):
 
 def test_a_position_in_the_column_of_the_stamps_is_a_constant_speed(tmp_path):
     rows = [[row[0], *row[2:], sweep] for sweep in (1, 2) for row in line_rows(4)]
+    rows += [[1000.0 + float(row[0]), *row[1:-1], 3] for row in rows[:4]]
     path = write_csv(tmp_path / "a.csv", ["time", *GAUGES, "sweep"], rows)
     naming = naming_from_pairs(["stamp_s=time", "x=time*0.5"], ColumnNaming())
-    for sweep in read_csv(path, LINE, naming).sweeps:
+    recording = read_csv(path, LINE, naming)
+    assert recording.notes == ()
+    for sweep in recording.sweeps:
         np.testing.assert_allclose(sweep.position[:, 0], [0, 0.005, 0.01, 0.015], atol=1e-12)
 
 
