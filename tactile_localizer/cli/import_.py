@@ -18,7 +18,7 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.geometry.motion import levers
-from tactile_localizer.errors import SceneError, counted, printable
+from tactile_localizer.errors import ScanError, SceneError, counted, printable
 from tactile_localizer.io.csv.columns import MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
 from tactile_localizer.io.readers import importable
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     except MissingColumnError as error:
         for line in error.template.splitlines():
             print(printable(line))
-        raise
+        raise ScanError(f"{error}; or fill in the naming above and pass it by --columns FILE") from None
     detail = _detail(args, options[0])
     if delay_s:
         detail[STRAIN_DELAY] = round(delay_s, 4)

@@ -13,9 +13,15 @@ from typing import Any
 import numpy as np
 
 from tactile_localizer.cli.outputs import InputPath
-from tactile_localizer.errors import CanError, ParameterError, ScanError
+from tactile_localizer.errors import CanError, ParameterError, ScanError, listed
 from tactile_localizer.io.bags.sweeps import TOPICS
-from tactile_localizer.io.csv.columns import ColumnNaming, load_naming, naming_from_dict, naming_from_pairs
+from tactile_localizer.io.csv.columns import (
+    ColumnNaming,
+    MissingColumnError,
+    load_naming,
+    naming_from_dict,
+    naming_from_pairs,
+)
 from tactile_localizer.io.readers import reader_of
 from tactile_localizer.io.recording import Recording, delay_of, gap_notes
 from tactile_localizer.io.scans.folder import ScanFolder
@@ -189,9 +195,14 @@ def naming_from_arguments(args: argparse.Namespace, imported: Mapping[str, Any])
 
 def _imported(args: argparse.Namespace, kind: str, detail: str) -> Mapping[str, Any]:
     """A detail of the last import of a kind into the scan of ``--scan``; empty without one."""
+    found = _last_import(args, kind).get(detail)
+    return found if isinstance(found, Mapping) else {}
+
+
+def _last_import(args: argparse.Namespace, kind: str) -> Mapping[str, Any]:
+    """The entry of the last import of a kind in the history of ``--scan``; empty without one."""
     history = ScanFolder(args.scan).history() if "scan" in args else []
-    found = [entry.get(detail) for entry in history if entry["what"] == f"import {kind}"]
-    return found[-1] if found and isinstance(found[-1], Mapping) else {}
+    return next((entry for entry in reversed(history) if entry["what"] == f"import {kind}"), {})
 
 
 def _seconds(text: str) -> float:
@@ -306,7 +317,15 @@ def _read_odometry(
         delay_s = ScanFolder(args.scan).strain_delay_s if args.delay is None else args.delay
         why = "as in the scan; --delay 0 takes it as it is" if args.delay is None else "--delay"
         taken = f"strain is taken as {delay_s:.3f} s late ({why})" if delay_s else ""
-        recording = _noted(read(delay_s=delay_s, max_gap_s=args.max_gap), scene, taken)
+        try:
+            recording = _noted(read(delay_s=delay_s, max_gap_s=args.max_gap), scene, taken)
+        except MissingColumnError as error:
+            imported = _last_import(args, reader.kind).get("poses")
+            if error.quantity not in scene.axis_names or options.get("poses") or not imported:
+                raise
+            with_poses = f"expected --poses FILE beside it, as {args.scan} was imported with"
+            found = f"found no column for {error.quantity}"
+            raise ScanError(f"{args.recordings[number]}: {with_poses} {listed(imported)}; {found}") from None
     with_truth = [sweep for sweep in recording.sweeps if sweep.truth is not None]
     if reader.kind == "bag" or (with_truth and len(with_truth) == len(recording.sweeps)):
         return recording, RECORDED

@@ -470,13 +470,48 @@ def test_missing_columns_print_a_naming_to_fill_in(folder, run):
     assert status == 2
     assert first.startswith("# columns found: time, taxel1, taxel2, ")
     quantities = ["stamp_s", "pose_stamp_s", "x", "y", "index", "middle"]
-    assert [line.split(":")[0] for line in lines] == quantities
+    assert [line.split(":")[0] for line in lines] == [
+        *quantities[:2],
+        "sweep",
+        *quantities[2:],
+        "strain_unit",
+    ]
     assert "pass it by --columns FILE" in refusal
     columns = ("time", "t_ms*0.001", "px", "px", "taxel1..8", "taxel9..16")
     for quantity, column in zip(quantities, columns, strict=True):
         printed = re.sub(f"^{quantity}: ", f"{quantity}: {column} ", printed, flags=re.MULTILINE)
     (folder / "filled.yaml").write_text(printed)
     assert run("csv touch.csv --poses poses.csv --columns filled.yaml --scene scene.yaml -o own_scan")[0] == 0
+
+
+@pytest.mark.parametrize("scene", ["", "--scene two.yaml"])
+def test_one_naming_has_the_columns_of_strain_and_poses(folder, run, scene):
+    touch_and_poses(folder)
+    save_scene(replace(LINE, phalanges=(Phalanx("taxel", (0.0,), 19),)), folder / "two.yaml")
+    status, printed, refusal = run(f"csv touch.csv --poses poses.csv {scene} -o own_scan")
+    assert status == 2
+    assert "# columns found in touch.csv: time, taxel1" in printed
+    assert "# columns found in poses.csv: t_ms, px" in printed
+    assert refusal.endswith("; or fill in the naming above and pass it by --columns FILE\n")
+    filled = {"stamp_s": "time", "pose_stamp_s": "t_ms * 0.001", "x": "px"}
+    for quantity, column in (filled | {"taxel": "taxel1..19"} if scene else filled).items():
+        printed = re.sub(f"^{quantity}: ", f"{quantity}: {column} ", printed, flags=re.MULTILINE)
+    (folder / "filled.yaml").write_text(printed)
+    arguments = f"csv touch.csv --poses poses.csv --columns filled.yaml {scene} -o own_scan"
+    assert "phalanx taxel: 19 channels" in run(arguments)[1] or scene
+    assert ScanFolder("own_scan").recording().sweeps[0].strain_unit == "V"
+
+
+def test_a_replay_without_the_poses_of_the_import_asks_for_them(folder, run, capsys):
+    assert run(f"{touch_and_poses(folder)} -o own_scan")[0] == 0
+    assert main(["replay", "touch.csv", "--scan", "own_scan"]) == 2
+    printed = capsys.readouterr()
+    assert printed.err == (
+        "error: touch.csv: expected --poses FILE beside it, as own_scan was imported with poses.csv; "
+        "found no column for x\n"
+    )
+    assert main(["replay", "poses.csv", "--poses", "poses.csv", "--scan", "own_scan"]) == 2
+    assert "naming above" not in capsys.readouterr().err
 
 
 def test_an_import_that_loses_most_rows_fails(folder, run):

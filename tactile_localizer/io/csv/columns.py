@@ -26,7 +26,7 @@ from typing import Any
 from tactile_localizer.channels import DEFAULT_CHANNELS
 from tactile_localizer.errors import ScanError, listed
 from tactile_localizer.io.csv.rows import NUMBER, Header
-from tactile_localizer.io.names import Names, parse_names
+from tactile_localizer.io.names import ROW, Names, parse_names
 from tactile_localizer.io.yaml_file import load_yaml, mapping
 from tactile_localizer.scene import AXIS_NAMES, MOST_CHANNELS, Scene
 
@@ -87,50 +87,80 @@ class MissingColumnError(ScanError):
     ----------
     message : what is missing and what was found
     template : a column naming in YAML for the user to fill in
+    quantity : what has no column
     """
 
-    def __init__(self, message: str, template: str) -> None:
-        super().__init__(message)
-        self.template = template
+    def __init__(self, message: str, template: str = "", quantity: str = "") -> None:
+        super().__init__(message)  # of which alone a worker process makes it again
+        self.template, self.quantity = template, quantity
 
 
 def missing_column(
-    path: Path, header: Header, quantity: str, naming: ColumnNaming, scene: Scene | None
+    path: Path, quantity: str, naming: ColumnNaming, scene: Scene | None, files: Mapping[Path, Header]
 ) -> MissingColumnError:
-    """Error about a quantity without a column, with a naming to fill in."""
-    axes = scene.axis_names if scene else AXIS_NAMES
-    names = header.names
-    counts = {each.name: each.channels for each in scene.phalanges} if scene else phalanges_in(names, naming)
-    proposed = {} if counts else {name: json.dumps(each) for name, each in _groups(header, naming).items()}
+    """Error about a quantity without a column, with a naming to fill in.
+
+    Parameters
+    ----------
+    path : file that lacks it
+    quantity : what has no column
+    naming, scene : as far as they are known
+    files : headers of the file of the strain, and of that of the poses if it is another one
+    """
+    header, (of_strain, *_) = files[path], files.values()
+    counts = (
+        {each.name: each.channels for each in scene.phalanges}
+        if scene
+        else phalanges_in(of_strain.names, naming)
+    )
+    wanted = naming.of(quantity, counts.get(quantity, 0)).names
+    missing = [name for name in wanted if header.place(name) is None and name != ROW]
+    is_part = 0 < len(missing) < len(wanted)
+    named = f"{listed(missing)} of {len(wanted)} columns is missing" if is_part else listed(wanted)
+    expected = f"expected a column for {quantity} ({named})"
+    if header.first:
+        example = "such as stamp_s: column1 + column2 * 1e-9, finger: column4..9"
+        problem = f"{expected}, but the file has no header (line {header.line + 1} is numbers): name columns "
+        problem += f"by number, {example}; pass --column '{quantity}=columnN'"
+    else:
+        several = "" if quantity in _OTHERS else f"1..{counts.get(quantity, DEFAULT_CHANNELS)}"
+        rate = "; of rows at a constant rate, --column 'stamp_s=row / RATE'" * (quantity in STAMPS)
+        found = listed(header.names) or "no header"
+        problem = f"{expected}, found {found}; pass --column {quantity}=NAME{several}{rate}"
+    return MissingColumnError(f"{path}: {problem}", _to_fill_in(naming, scene, counts, files), quantity)
+
+
+def _to_fill_in(
+    naming: ColumnNaming, scene: Scene | None, counts: Mapping[str, int], files: Mapping[Path, Header]
+) -> str:
+    """A naming in YAML for the columns of files, with what is known and proposed; arguments as above."""
+    axes, (of_strain, *_) = scene.axis_names if scene else AXIS_NAMES, files.values()
+    names = [name for header in files.values() for name in header.names]
+    proposed = {} if counts else {name: json.dumps(each) for name, each in _groups(of_strain, naming).items()}
     counts = counts or dict.fromkeys(proposed or ("finger",), DEFAULT_CHANNELS)
     sec, nanosec, one, of_one = "SEC", "NANOSEC", "NAME", "NAME"
-    if header.first:
+    if of_strain.first:
         sec, nanosec, one, of_one = "column1", "column2", "column4", "column"
     hints = {"stamp_s": f"time of the row, s; from ms: {one} * 0.001; of two: {sec} + {nanosec} * 1e-9; "}
     hints["stamp_s"] += "of rows at 60 Hz: row / 60"
     hints["pose_stamp_s"] = "the same in a file of --poses, if it has another name"
+    hints[SWEEP] = "number or name of the sweep, if a file has several"
     hints |= dict.fromkeys(axes, f"position of the palm, m (yaw: rad); from mm: {one} * 0.001")
     hints |= {name: f"{count} columns: {of_one}1..{count}, or [NAME, ...]" for name, count in counts.items()}
     hints |= dict.fromkeys(proposed, "a proposed phalanx, or leave it out")
-    found = [
-        f"{name} ({cell.strip()[:20]})" for name, cell in zip(names, header.first, strict=False)
-    ] or names
-    lines = [f"# columns found: {listed(found)}"]
+    lines = []
+    for path, header in files.items():
+        cells = zip(header.names, header.first, strict=False)
+        found = [f"{name} ({cell.strip()[:20]})" for name, cell in cells] or header.names
+        lines.append(f"# columns found{f' in {path}' * (len(files) > 1)}: {listed(found)}")
     for name, hint in hints.items():
         if f"{name}_1" not in names:
             given = naming.columns[name].given if name in naming.columns else name * (name in names)
             lines.append(f"{name}: {proposed.get(name, given)}".ljust(24) + f"  # {hint}")
-    expected = f"expected a column for {quantity} ({', '.join(naming.of(quantity).names)})"
-    advice = "fill in the naming above and pass it by --columns FILE, or pass --column "
-    if header.first:
-        example = "such as stamp_s: column1 + column2 * 1e-9, finger: column4..9"
-        problem = f"{expected}, but the file has no header (line {header.line + 1} is numbers): name columns "
-        problem += f"by number, {example}; {advice}'{quantity}=columnN'"
-    else:
-        example = f"{quantity}=NAME{'1..8' * (quantity not in _OTHERS)}"
-        rate = "; of rows at a constant rate, --column 'stamp_s=row / RATE'" * (quantity in STAMPS)
-        problem = f"{expected}, found {listed(names) or 'no header'}; {advice}{example}{rate}"
-    return MissingColumnError(f"{path}: {problem}", "\n".join(lines))
+    lines.append(
+        f"strain_unit: {json.dumps(naming.strain_unit)}".ljust(24) + "  # of the values, for display"
+    )
+    return "\n".join(lines)
 
 
 def phalanges_in(header: Sequence[str], naming: ColumnNaming) -> dict[str, int]:
@@ -186,7 +216,8 @@ def naming_from_dict(content: Any) -> ColumnNaming:
         An entry is neither a name nor a list of names.
     """
     entries = {str(name): value for name, value in mapping(content, "column naming").items()}
-    unit = str(entries.pop("strain_unit", "V"))
+    unit = entries.pop("strain_unit", None)
+    unit = "V" if unit is None else str(unit)
     if not unit.isprintable():
         raise ScanError(f"strain_unit: expected printable text, got {unit!r:.80}")
     given = {name: value for name, value in entries.items() if value is not None}

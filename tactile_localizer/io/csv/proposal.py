@@ -52,13 +52,13 @@ def propose_scene(
     path, beside = Path(paths[0]), Path((*poses, *paths)[0])
     named = [name for columns in naming.columns.values() for name in columns.names]
     known = [*AXIS_NAMES, *naming.of("stamp_s").names, *named]
-    header, places = (read_rows(each, known)[0] for each in (path, beside))
-    axes = [axis for axis in AXIS_NAMES if axis in {*naming.columns, *places.names}]
+    files = {each: read_rows(each, known)[0] for each in (path, beside)}
+    axes = [axis for axis in AXIS_NAMES if axis in {*naming.columns, *files[beside].names}]
     if not axes:
-        raise missing_column(beside, places, "x", naming, None)
-    counts = phalanges_in(header.names, naming)
+        raise missing_column(beside, "x", naming, None, files)
+    counts = phalanges_in(files[path].names, naming)
     if not counts:
-        raise missing_column(path, header, "finger", naming, None)
+        raise missing_column(path, "finger", naming, None, files)
     phalanges = tuple(Phalanx(phalanx, (0.0,) * len(axes), count) for phalanx, count in counts.items())
     largest = {axis: math.pi if axis == "yaw" else LARGEST_POSITION for axis in axes}
     anywhere = Scene(name, tuple(Axis(axis, -largest[axis], largest[axis]) for axis in axes), phalanges)

@@ -116,7 +116,7 @@ def _read_file(
     axes = {name: naming.of(name) for name in scene.axis_names}
     strains = {each.name: naming.of(each.name, each.channels) for each in scene.phalanges}
     if strain is None:
-        table = read_table(path, scene, naming, "stamp_s", {} if pose_path else axes, strains)
+        table = read_table(path, scene, naming, "stamp_s", {} if pose_path else axes, strains, pose_path)
     else:
         table = strain(path)
     label, notes, stamp_ns = _sweep_numbers(path, table), table.notes, table.stamp_ns
@@ -125,7 +125,7 @@ def _read_file(
         position, run, truth = _of_rows(scene, naming, axes, table, label)
     else:
         stamp = "pose_stamp_s" if "pose_stamp_s" in naming.columns else "stamp_s"
-        poses = read_table(pose_path, scene, naming, stamp, axes, {})
+        poses = read_table(pose_path, scene, naming, stamp, axes, {}, None if strain else path)
         notes += [*poses.notes, *_unit_notes(pose_path, scene, naming, axes, poses)]
         run, pose_run = runs_of(stamp_ns), runs_of(poses.stamp_ns)
         stamp_ns, label = _when_felt(stamp_ns, run, label, delay_s)

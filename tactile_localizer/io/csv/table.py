@@ -4,7 +4,7 @@ import math
 import re
 import warnings
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime
 from decimal import Decimal
@@ -74,6 +74,7 @@ def read_table(
     stamp: str,
     axes: Mapping[str, Names],
     strains: Mapping[str, Names],
+    other: Path | None = None,
 ) -> Table:
     """Read a file.
 
@@ -84,6 +85,7 @@ def read_table(
     stamp : quantity of the stamps
     axes, strains : columns of the positions and of the strain, of which one may be empty. Beside positions
         there may be true ones, beside strain the number of the sweep and whether a feature is felt
+    other : the file of the poses beside that of the strain, or the reverse
 
     Raises
     ------
@@ -99,7 +101,14 @@ def read_table(
     beside = {name: naming.of(name) for name in may if not there.isdisjoint((name, *naming.of(name).names))}
     needed = {stamp: naming.of(stamp), **axes, **beside, **strains}
     required = len(axes) + (SWEEP in beside)
-    cells = _Cells(path, header, needed, _places(path, header, needed, naming, scene), required)
+
+    def missing(quantity: str) -> ScanError:
+        return missing_column(
+            path, quantity, naming, scene, _headers(path, header, other, naming, bool(strains))
+        )
+
+    places = _places(path, header, needed, naming, scene, missing)
+    cells = _Cells(path, header, needed, places, required)
     for block in rows:
         cells.read(block)
     stamp_ns, table = np.array(cells.stamp_ns), np.frombuffer(cells.values)
@@ -350,11 +359,16 @@ def _is_number(text: str, *, required: bool) -> bool:
 
 
 def _places(
-    path: Path, header: Header, needed: Mapping[str, Names], naming: ColumnNaming, scene: Scene
+    path: Path,
+    header: Header,
+    needed: Mapping[str, Names],
+    naming: ColumnNaming,
+    scene: Scene,
+    missing: Callable[[str], ScanError],
 ) -> list[int]:
     """Places of the columns in a row, from 1, each of which there is once, and of each phalanx all.
 
-    0 is that of the row's own number.
+    0 is that of the row's own number. ``missing`` makes the error about a quantity without one.
     """
     channels = {phalanx.name: phalanx.channels for phalanx in scene.phalanges}
     for name, found in phalanges_in(header.names, naming).items():
@@ -368,7 +382,7 @@ def _places(
         for name in columns.names:
             place = header.place(name)
             if place is None and name != ROW:
-                raise missing_column(path, header, quantity, naming, scene)
+                raise missing(quantity)
             if (same := header.names.count(name)) > 1:
                 raise ScanError(
                     f"{path}: expected one column {name!r}, found {same}; name it by its number, from 1: "
@@ -376,6 +390,18 @@ def _places(
                 )
             places.append(0 if place is None else place + 1)
     return places
+
+
+def _headers(
+    path: Path, header: Header, other: Path | None, naming: ColumnNaming, is_strain: bool
+) -> dict[Path, Header]:
+    """Headers of a file and of the other one of the recording, that of the strain first."""
+    files = {path: header}
+    if other not in (None, path):
+        known = (*STAMPS, *AXIS_NAMES, *(name for each in naming.columns.values() for name in each.names))
+        with suppress(ScanError):  # what is wrong with it is said when it is read
+            files[other] = read_rows(other, known)[0]
+    return files if is_strain else dict(reversed(files.items()))
 
 
 def in_other_unit(quantity: str, column: Names) -> str:

@@ -1,5 +1,6 @@
 """Columns are found by their names, given or standard, with units, sums and dates."""
 
+import pickle
 from contextlib import suppress
 
 import numpy as np
@@ -126,6 +127,27 @@ def test_columns_without_names_are_given_by_number(tmp_path, separator, before):
     assert "proposed" not in error.value.template
     with pytest.raises(MissingColumnError, match=r"stamp_s \(column13\)"):
         read_csv(tmp_path / "a.csv", LINE, naming_from_pairs(["stamp_s=column13"], ColumnNaming()))
+
+
+def test_a_missing_column_of_a_phalanx_is_named_with_the_number_of_its_channels(tmp_path):
+    scene = Scene("line", LINE.axes, (Phalanx("prox", (0,), 12),))
+    columns = [f"t{n}_B{axis}" for n in range(4) for axis in "xyz"]
+    rows = [[row[0], row[1], *range(11)] for row in line_rows(4)]
+    path = write_csv(tmp_path / "a.csv", ["stamp_s", "x", *columns[:-1]], rows)
+    naming = naming_from_dict({"prox": "t0..3_Bx, t0..3_By, t0..3_Bz"})
+    with pytest.raises(MissingColumnError) as error:
+        read_csv(path, scene, naming)
+    expected = f"{path}: expected a column for prox (t3_Bz of 12 columns is missing), found stamp_s, x, t0_Bx"
+    assert str(error.value).startswith(expected)
+    assert str(error.value).endswith("; pass --column prox=NAME1..12")
+    with pytest.raises(MissingColumnError, match=r"for prox \(prox_1, prox_2, .*, prox_12\), found"):
+        read_csv(path, scene)
+    again = pickle.loads(pickle.dumps(error.value))  # noqa: S301  as from a worker process
+    assert (str(again), again.quantity, again.template) == (
+        str(error.value),
+        "prox",
+        error.value.template,
+    )
 
 
 def test_columns_of_one_name_are_given_by_number(tmp_path):
