@@ -102,12 +102,12 @@ def read_table(
     needed = {stamp: naming.of(stamp), **axes, **beside, **strains}
     required = len(axes) + (SWEEP in beside)
 
-    def missing(quantity: str) -> ScanError:
+    def without(quantity: str) -> ScanError:
         return missing_column(
             path, quantity, naming, scene, _headers(path, header, other, naming, bool(strains))
         )
 
-    places = _places(path, header, needed, naming, scene, missing)
+    places = _places(path, header, needed, naming, scene, without)
     cells = _Cells(path, header, needed, places, required)
     for block in rows:
         cells.read(block)
@@ -118,8 +118,11 @@ def read_table(
         problem = f" in {lost} rows ({cells.first})" if lost else ""
         raise ScanError(f"{path}: expected rows of numbers, found none{problem}")
     notes = [f"skipped {lost} of {n + lost} rows of {path} (first: {cells.first})"] * (lost > 0)
-    if found := cells.in_whole_seconds(stamp_ns):
-        stamp_ns, note = found
+    if cells.empty and other not in (None, path):  # else these are rows of other series
+        found = f"{cells.empty} of {n + lost + cells.empty} rows of {path} have no value"
+        notes.append(f"{found} (first: {cells.first_empty})")
+    if padded := cells.in_whole_seconds(stamp_ns):
+        stamp_ns, note = padded
         notes.append(f"{path}: {note}")
     if n > 1 and not np.ptp(stamp_ns):
         constant = f"{stamp_ns[0] * 1e-9:.6g} s in all {n} rows"
@@ -129,8 +132,11 @@ def read_table(
     strain = table[:, len(axes) + len(beside) :]
     names = chain(*(each.names for each in strains.values()))
     counts = zip(names, np.isnan(strain).sum(axis=0).tolist(), strict=True)
-    if missing := [f"{name} ({count} of {n} rows)" for name, count in counts if count]:
-        notes.append(f"{path}: no number in {listed(missing)}")
+    missing = {name: count for name, count in counts if count}
+    if never := [name for name in missing if missing[name] == n]:
+        notes.append(f"{path}: no number in any row of {listed(never)}: leave it out of the naming")
+    if some := [f"{name} ({count} of {n} rows)" for name, count in missing.items() if count < n]:
+        notes.append(f"{path}: no number in {listed(some)}")
     return Table(
         stamp_ns,
         table[:, : len(axes)],
@@ -158,6 +164,7 @@ class _Cells:
     stamp_ns : n stamps, ns
     values : n rows of other values; NaN where missing or too large
     lost, first : number of rows that could not be read, and what is wrong with the first
+    empty, first_empty : number of rows with a stamp alone, and the place of the first
     sweeps : numbers of the sweeps by their names, where the first of them is no number
     """
 
@@ -177,7 +184,7 @@ class _Cells:
         self._are_numbered = SWEEP not in needed
         self._texts: dict[int, str] | None = {} if self._stamps == 1 else None
         self.stamp_ns, self.values = array("q"), array("d")  # a large recording is held once
-        self.lost, self.first = 0, ""
+        self.lost, self.first, self.empty, self.first_empty = 0, "", 0, ""
         self.sweeps: dict[str, int] = {}
 
     def read(self, block: Block) -> None:
@@ -278,6 +285,10 @@ class _Cells:
         """Raises why a row cannot be read; without a reason, if it has none of the values, but the names."""
         cells = self._wanted(line, row)
         if not any(cells[self._stamps :]):
+            if any(cells[: self._stamps]):
+                column = self._header.names[self._places[self._stamps] - 1]
+                first = f"line {line}, column {column}: expected a number, found an empty cell"
+                self.empty, self.first_empty = self.empty + 1, self.first_empty or first
             raise ValueError
         commas = self._header.separator != "," and "." not in "".join(cells)
         plain = [

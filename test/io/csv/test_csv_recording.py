@@ -221,6 +221,35 @@ def test_series_merged_into_one_table_are_no_lost_rows(tmp_path):
     assert "pass the file by --poses too" in read_csv(path, LINE).notes[0]
 
 
+def test_rows_without_a_value_are_named_by_row_column_and_cell(tmp_path):
+    """As pandas writes NaN, in a file of poses and in one of strain."""
+    rows = [[row[0], *row[2:]] for row in line_rows(20)]
+    rows[7][1:] = [""] * 8
+    touch = write_csv(tmp_path / "touch.csv", ["stamp_s", *GAUGES], rows)
+    places = [
+        [row[0], *([""] * 2 if n in (3, 4) else [0.001 * n] * 2)] for n, row in enumerate(line_rows(20))
+    ]
+    poses = write_csv(tmp_path / "poses.csv", ["stamp_s", "x", "y"], places)
+    notes = read_csv(touch, SCENE_XY, poses=[poses]).notes
+    found = "expected a number, found an empty cell)"
+    assert notes == (
+        f"1 of 20 rows of {touch} have no value (first: line 9, column index_1: {found}",
+        f"2 of 20 rows of {poses} have no value (first: line 5, column x: {found}",
+    )
+
+
+def test_a_column_without_any_number_is_to_be_left_out(tmp_path):
+    rows = line_rows(6)
+    for row in rows:
+        row[4] = ""
+    rows[2][5] = ""
+    path = write_csv(tmp_path / "a.csv", HEADER, rows)
+    assert read_csv(path, LINE).notes == (
+        f"{path}: no number in any row of index_3: leave it out of the naming",
+        f"{path}: no number in index_4 (1 of 6 rows)",
+    )
+
+
 def test_contact_may_be_true_or_false(tmp_path):
     felt = ["False", "TRUE", "1", "", "0"]
     rows = [[*row, cell] for row, cell in zip(line_rows(5), felt, strict=True)]
