@@ -19,8 +19,9 @@ from tactile_localizer.cli.recordings import (
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.errors import ScanError, SceneError, counted, printable
-from tactile_localizer.io.csv.columns import MissingColumnError, naming_to_dict
+from tactile_localizer.io.csv.columns import SWEEP, MissingColumnError, naming_to_dict
 from tactile_localizer.io.csv.proposal import propose_scene
+from tactile_localizer.io.csv.sweep_columns import sweep_columns
 from tactile_localizer.io.readers import importable
 from tactile_localizer.io.recording import Recording, delay_of, join
 from tactile_localizer.io.scans.folder import STRAIN_DELAY, ScanFolder
@@ -95,7 +96,8 @@ def run(args: argparse.Namespace) -> int:
     made = Reading.of(ScanFolder(args.output))
     sweeps = made.recording.sweeps
     print(f"{args.output}: {counted(len(sweeps), 'sweep')}, {counted(len(made.scan), 'pair')}")
-    for note in (*notes, *filter(None, (text,)), *findings(made.scan, scene, sweeps)):
+    notes = (*notes, *filter(None, (text,)), *findings(made.scan, scene, sweeps))
+    for note in (*notes, *_more_sweeps(args, scene, options[0]) * (len(sweeps) == 1)):
         print(f"  {printable(note)}", flush=True)
     with progress_line() as progress:
         examination = learn_and_keep(made, scene, Configuration(), progress)[0].examination
@@ -113,6 +115,16 @@ def _detail(args: argparse.Namespace, options: Mapping[str, Any]) -> dict[str, A
     if adapter := options.get("adapter"):  # how its messages name their values
         detail["names"] = adapter.names
     return detail
+
+
+def _more_sweeps(args: argparse.Namespace, scene: Scene, options: Mapping[str, Any]) -> list[str]:
+    """A line about how to get more than one sweep of a recording with options of its reader."""
+    ways = list[str]()
+    if args.kind == "csv" and SWEEP not in (naming := options["naming"]).columns:
+        found = sweep_columns(Path(args.recordings[0]), scene, naming)
+        ways += [f"--column sweep={name} (whole numbers, constant over stretches)" for name in found]
+    ways += ["--detect-sweeps both_ways"] * (args.detect_sweeps is None)
+    return [f"for more sweeps: {', or '.join(ways)}"] * bool(ways)
 
 
 def _read_undelayed(

@@ -484,6 +484,20 @@ def test_missing_columns_print_a_naming_to_fill_in(folder, run):
     assert run("csv touch.csv --poses poses.csv --columns filled.yaml --scene scene.yaml -o own_scan")[0] == 0
 
 
+def test_one_sweep_is_reported_with_the_ways_to_more(folder, run):
+    names = ["stamp_s", "", "stroke", "flag", "gripper", *HEADER[2:]]
+    rows = [[n[0], k, n[1], k // 30 % 2, 7, *n[2:]] for k, n in enumerate(sheet_rows())]
+    write_csv(folder / "train.csv", rows, names)
+    printed = run("csv train.csv --scene scene.yaml -o a_scan")[1]
+    ways = (
+        "for more sweeps: --column sweep=stroke (whole numbers, constant over stretches), or --detect-sweeps"
+    )
+    assert f"  {ways} both_ways\n" in printed
+    assert "for more sweeps" not in run("csv train.csv --scene scene.yaml --column sweep=stroke -o b_scan")[1]
+    write_bag(folder / "bag", slide(0, 1000), "sqlite3")
+    assert "  for more sweeps: --detect-sweeps both_ways\n" in run("bag bag --scene scene.yaml -o c_scan")[1]
+
+
 @pytest.mark.parametrize("scene", ["", "--scene two.yaml"])
 def test_one_naming_has_the_columns_of_strain_and_poses(folder, run, scene):
     touch_and_poses(folder)
