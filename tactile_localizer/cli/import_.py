@@ -97,11 +97,15 @@ def run(args: argparse.Namespace) -> int:
     sweeps = made.recording.sweeps
     print(f"{args.output}: {counted(len(sweeps), 'sweep')}, {counted(len(made.scan), 'pair')}")
     notes = (*notes, *filter(None, (text,)), *findings(made.scan, scene, sweeps))
-    for note in (*notes, *_more_sweeps(args, scene, options[0]) * (len(sweeps) == 1)):
+    # What asks whether a unit is another one is said last, where it is read, as all else depends on it.
+    doubts = [note for note in notes if "? --column" in note]
+    others = [note for note in notes if note not in doubts]
+    for note in (*others, *_more_sweeps(args, scene, options[0]) * (len(sweeps) == 1)):
         print(f"  {printable(note)}", flush=True)
     with progress_line() as progress:
         examination = learn_and_keep(made, scene, Configuration(), progress)[0].examination
-    for line in (*describe_examination(scene, examination), *examination_findings(scene, examination)):
+    results = (*describe_examination(scene, examination), *examination_findings(scene, examination))
+    for line in (*results, *doubts):
         print(f"  {printable(line)}")
     return 0
 

@@ -322,6 +322,23 @@ def test_a_proposal_in_millimetres_is_noticed(folder, run):
     assert refusal.index(hint) < refusal.index("expected at most 1,000,000 cells")
 
 
+@pytest.mark.parametrize(
+    ("change", "hint"),
+    [
+        (lambda n, row: [10.0 * n, *row[1:]], "(another unit? --column stamp_s=stamp_s*0.001 for ms"),
+        (lambda n, row: [*row[:2], 1e3 * row[2], *row[3:]], "(in mm? --column x=x*0.001)"),
+    ],
+    ids=["ms", "mm"],
+)
+def test_a_wrong_unit_is_said_last(folder, run, change, hint):
+    rows = [change(n, row) for n, row in enumerate(sheet_rows())]
+    rows[7][5] = "broken"
+    write_csv(folder / "train.csv", rows)
+    save_scene(replace(SCENE, axes=(Axis("x", 0.0, 30.0), Axis("y", 0.0, 0.1))), folder / "large.yaml")
+    *_, last = run("csv train.csv --scene large.yaml -o a_scan")[1].splitlines()
+    assert hint in last
+
+
 def test_positions_in_millimetres_are_named_by_their_file_and_column(folder, run, capsys):
     late_strokes(folder / "train.csv", 0)
     run("csv train.csv --scene line.yaml -o a_scan")
@@ -485,15 +502,16 @@ def test_missing_columns_print_a_naming_to_fill_in(folder, run):
 
 
 def test_one_sweep_is_reported_with_the_ways_to_more(folder, run):
-    names = ["stamp_s", "", "stroke", "flag", "gripper", *HEADER[2:]]
-    rows = [[n[0], k, n[1], k // 30 % 2, 7, *n[2:]] for k, n in enumerate(sheet_rows())]
+    names = ["stamp_s", "", "stroke", "flag", "gripper", "x", "y_mm", *HEADER[4:]]
+    rows = [[n[0], k, n[1], k // 30 % 2, 7, n[2], 20 + n[1], *n[4:]] for k, n in enumerate(sheet_rows())]
     write_csv(folder / "train.csv", rows, names)
-    printed = run("csv train.csv --scene scene.yaml -o a_scan")[1]
+    arguments = "csv train.csv --scene scene.yaml --column y=y_mm*0.001"
+    printed = run(f"{arguments} -o a_scan")[1]
     ways = (
         "for more sweeps: --column sweep=stroke (whole numbers, constant over stretches), or --detect-sweeps"
     )
     assert f"  {ways} both_ways\n" in printed
-    assert "for more sweeps" not in run("csv train.csv --scene scene.yaml --column sweep=stroke -o b_scan")[1]
+    assert "for more sweeps" not in run(f"{arguments} --column sweep=stroke -o b_scan")[1]
     write_bag(folder / "bag", slide(0, 1000), "sqlite3")
     assert "  for more sweeps: --detect-sweeps both_ways\n" in run("bag bag --scene scene.yaml -o c_scan")[1]
 
