@@ -20,7 +20,7 @@ from tactile_localizer.cli.recordings import (
 )
 from tactile_localizer.cli.tables import print_table
 from tactile_localizer.core.configuration import FILTERS, SWEEP_MIXTURE
-from tactile_localizer.core.scan.range import describe_misfit
+from tactile_localizer.core.scan.range import describe_misfit, describe_quiet
 from tactile_localizer.errors import ScanError, counted, printable
 from tactile_localizer.io.configuration_file import PRESETS, load_configuration
 from tactile_localizer.io.scans.learned import ready_localizer
@@ -101,7 +101,8 @@ def _replay(args: argparse.Namespace, write: Callable[[dict[str, Any]], None]) -
         from tactile_localizer.offline.figures.replay import replay_figure
 
         write_picture(args.plot, replay_figure(replayed.sweeps))
-    notes = [*map(printable, filter(None, (*replayed.notes, _misfit(replayed))))]
+    quiet = describe_quiet(scene.phalanx_names, replayed.spread)
+    notes = [*map(printable, filter(None, (*replayed.notes, _misfit(replayed), quiet)))]
     if args.report is not None:
         from tactile_localizer.offline.reports.replay import replay_report
 

@@ -36,6 +36,7 @@ class ReplayedRecording:
     odometry : kind of the positions
     strain_unit : for display
     strains_outside, positions_outside : (n,) bool, samples out of the range of the scan
+    spread : (s, F) spread of the strain in each sweep by the noise of the scan (:meth:`.ScanRange.spread`)
     sweeps : the estimates
     origin : for each sweep which of the recordings it is from, and which of its sweeps
     """
@@ -46,6 +47,7 @@ class ReplayedRecording:
     strain_unit: str
     strains_outside: np.ndarray
     positions_outside: np.ndarray
+    spread: np.ndarray
     sweeps: list[ReplayedSweep]
     origin: list[tuple[int, int]]
 
@@ -87,6 +89,7 @@ def replay_recording(
         sweeps[0].strain_unit if sweeps else "V",
         np.concatenate(strains),
         np.concatenate(positions),
+        np.array([bounds.spread(sweep.strain) for sweep in sweeps]),
         replay(localizer, with_contact_on(recording, contact), progress),
         [(0, place) for place in range(len(sweeps))],
     )
@@ -113,6 +116,7 @@ def joined(parts: Sequence[ReplayedRecording]) -> ReplayedRecording:
         parts[0].strain_unit,
         np.concatenate([part.strains_outside for part in parts]),
         np.concatenate([part.positions_outside for part in parts]),
+        np.concatenate([part.spread for part in parts]),
         numbered_apart(sweep for part in parts for sweep in part.sweeps),
         [(number, place) for number, part in enumerate(parts) for _, place in part.origin],
     )

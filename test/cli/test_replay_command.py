@@ -127,6 +127,10 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
             "--config fast --column=index=index_1..8*1000 --column=middle=middle_1..8*1000",
             "note: 100% of the strains are outside the range of the scan (unit",
         ),
+        (
+            "--config fast --column=index=index_1..8*0.001 --column=middle=middle_1..8*0.001",
+            "note: strain of index and middle varies by only 0.0",
+        ),
     ],
 )
 def test_other_units_are_noted_and_not_localized(bump_folder: Path, capsys, columns: str, note: str) -> None:

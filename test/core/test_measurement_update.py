@@ -123,7 +123,7 @@ class ModelByHand:
 
 
 def localizer(still: float = np.inf) -> Localizer:
-    wide = ScanRange(LAYOUT, np.full(4, -1e6), np.full(4, 1e6), np.ones(1))
+    wide = ScanRange(LAYOUT, np.full(4, -1e6), np.full(4, 1e6), np.ones(1), np.zeros(4))
     noise = noise_model(LAYOUT)
     return Localizer(
         LINE,

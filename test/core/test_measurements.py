@@ -21,7 +21,7 @@ NOISE = np.random.default_rng(0).standard_normal((1000, 4))
 def measurements(still: float = np.inf) -> Measurements:
     """Of a scan with strains of 10 V at most and noise of 2 V."""
     noise = noise_model(LINE.layout, WIDTH)
-    wide = ScanRange(LINE.layout, np.full(4, -10.0), np.full(4, 10.0), np.ones(1))
+    wide = ScanRange(LINE.layout, np.full(4, -10.0), np.full(4, 10.0), np.ones(1), np.zeros(4))
     return Measurements(LINE, noise.white, noise.variance, wide, np.full(4, still), DISTANCE)
 
 

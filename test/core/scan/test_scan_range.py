@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.sweeps import unseen_sweep
 
-from tactile_localizer.core.scan.range import ScanRange, describe_misfit
+from tactile_localizer.core.scan.range import ScanRange, describe_misfit, describe_quiet
 from tactile_localizer.scene import Axis
 from tactile_localizer.sim import shipped_scene, simulate_scan
 
@@ -23,6 +23,18 @@ def test_a_new_sweep_is_within_the_range(known: ScanRange) -> None:
     assert not known.strains_outside(sweep.strain, ALL).any()
     assert not known.positions_outside(sweep.position, sweep.position[0]).any()
     assert describe_misfit(0.0, 0.0) == ""
+
+
+def test_strain_that_varies_less_than_noise_is_in_another_unit(known: ScanRange) -> None:
+    noise = np.random.default_rng(2).normal(scale=known.noise, size=(400, 16))
+    for strain in (unseen_sweep().strain, noise):  # a blank sheet has noise, too
+        assert (known.spread(strain) > 0.9).all()
+        assert (known.spread(1e-3 * strain) < 0.2).all()
+        strain[:, :8] *= 1e-3
+        spread = np.stack([known.spread(strain)] * 3)
+        assert describe_quiet(("index", "middle"), spread).startswith("strain of index varies by only 0.0")
+    assert np.isinf(known.spread(np.full((400, 16), np.nan))).all()
+    assert describe_quiet(("index", "middle"), np.full((3, 2), np.inf)) == ""
 
 
 def test_an_absent_phalanx_does_not_count(known: ScanRange) -> None:
