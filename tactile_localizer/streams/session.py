@@ -58,17 +58,24 @@ class _Waiting(NamedTuple):
 class _Elapsed:
     """Time by the stamps of a topic, in which a clock that is set forward makes no step, ns.
 
-    A step longer than ``longest_ns`` counts as the one before it: where that is as long, the topic is slow.
+    A step longer than ``longest_ns`` counts as the one before it, if as much time has passed in shorter steps
+    since the last such one: a topic that is slow, or comes in bursts, sets no clock.
     """
 
     def __init__(self, longest_ns: float) -> None:
         self.ns = 0
         self._longest_ns, self._newest_ns, self._step_ns = longest_ns, math.inf, 0
+        self._steady_ns = longest_ns  # time in shorter steps
 
     def add(self, stamp_ns: int) -> int:
         step_ns = int(max(stamp_ns - self._newest_ns, 0))
-        self.ns += step_ns if step_ns <= self._longest_ns else self._step_ns
-        self._newest_ns, self._step_ns = stamp_ns, step_ns
+        self._newest_ns = stamp_ns
+        if step_ns <= self._longest_ns:
+            self._steady_ns += step_ns
+        elif self._steady_ns >= self._longest_ns:
+            self._steady_ns, step_ns = 0, self._step_ns
+        self.ns += step_ns
+        self._step_ns = step_ns
         return self.ns
 
 

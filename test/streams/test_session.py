@@ -72,6 +72,18 @@ def test_a_clock_that_is_set_forward_ends_no_patience():
     ]
 
 
+@pytest.mark.parametrize(("count", "every_ms"), [(10, 1600), (2, 1500), (1, 2000)])
+def test_strain_in_bursts_waits_no_longer_for_poses_that_have_stopped(count, every_ms):
+    session, oldest_ms, begin_ms = Session(AXES), [], 5000
+    pose(session, begin_ms, 0.0)
+    for burst in range(300):
+        for n in range(count):
+            now_ms = begin_ms + every_ms * burst + 10 * n
+            oldest_ms += [now_ms - ms for ms, _ in strain(session, now_ms)]
+    assert max(oldest_ms) <= 1000 + 2 * every_ms
+    assert session.waiting <= 2 * count
+
+
 def test_late_strain_is_paired_where_it_was_felt():
     session = Session(AXES, delay_s=0.005)
     pose(session, 100, 0.1)

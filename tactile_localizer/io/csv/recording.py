@@ -50,6 +50,8 @@ _LONGEST_M = 3.0
 _NEARER_TO_MM = math.sqrt(1000.0)
 """Range of positions by the scene's extent above which it is nearer to one in mm than in m, in ratio."""
 _YEAR_2000_S = 946_684_800
+_PAUSE = 3.0
+"""Time between two rows, in the usual one, above which there were none for a while (judgement)."""
 _IRREGULAR = 0.25
 """Range of the middle half of the steps, by their median, that no sampling has (judgement)."""
 
@@ -160,11 +162,18 @@ def _read_file(
 def _when_felt(
     stamp_ns: np.ndarray, run: np.ndarray, label: np.ndarray, delay_s: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps (n,), ns, at which late strain was felt, and numbers (n,) of the sweeps in progress then."""
+    """Stamps (n,), ns, at which late strain was felt, and numbers (n,) of the sweeps in progress then.
+
+    Rows felt in a pause before theirs, where there are none, are of the sweep that follows it.
+    """
     felt_ns, in_progress = stamp_ns - round(delay_s * NANOSECONDS), label.copy()
     for each in {*run.tolist()} - {LATE} if delay_s else ():
         rows = np.flatnonzero(run == each)
-        in_progress[rows] = label[rows[rows_at(stamp_ns[rows], felt_ns[rows])]]
+        step_ns = np.diff(stamp_ns[rows], prepend=stamp_ns[rows[0]])
+        pause = np.cumsum(step_ns > _PAUSE * np.median(step_ns))
+        newest = rows_at(stamp_ns[rows], felt_ns[rows])
+        is_since = pause[newest] == pause
+        in_progress[rows[is_since]] = label[rows[newest[is_since]]]
     return felt_ns, in_progress
 
 

@@ -100,6 +100,18 @@ def test_late_strain_is_of_the_place_and_the_sweep_where_it_was_felt(tmp_path):
     np.testing.assert_allclose(position, 0.02 * (felt_s - 0.5), atol=1e-12)
 
 
+@pytest.mark.parametrize("delay_s", [0.3, -0.3])
+def test_strain_felt_in_a_pause_is_of_the_sweep_of_its_rows(tmp_path, delay_s):
+    """Rows only during sweeps, 4 s apart, while the poses go on."""
+    rows = [[f"{8 * sweep + 0.01 * n:.2f}", sweep, *range(8)] for sweep in (1, 2, 3) for n in range(400)]
+    touch = write_csv(tmp_path / "touch.csv", ["stamp_s", "sweep", *GAUGES], rows)
+    rows = [[f"{0.02 * n:.2f}", 0.001 * n] for n in range(2000)]
+    poses = write_csv(tmp_path / "poses.csv", ["stamp_s", "x"], rows)
+    sweeps = read_csv(touch, LINE, poses=[poses], delay_s=delay_s).sweeps
+    assert [(each.number, len(each), each.gaps) for each in sweeps] == [(1, 400, 0), (2, 400, 0), (3, 400, 0)]
+    assert max(np.diff(each.stamp_ns).max() for each in sweeps) < 2e7
+
+
 def test_an_angle_beyond_a_full_turn_is_within_the_bounds(tmp_path):
     scene = Scene("disc", (Axis("yaw", -np.pi, np.pi),), LINE.phalanges)
     path = write_csv(tmp_path / "a.csv", ["stamp_s", "yaw", *GAUGES], [[1, 6.0, *range(8)]])
