@@ -30,7 +30,7 @@ _SWEEPS = 24
 _MAPS = 6
 """Maps without a sweep; of more sweeps, two that are far from each other are left out of one."""
 _LEAST_STRAINS = 10
-"""Strains of a part of a sweep that is localized."""
+"""Strains of a sweep, or a part of one, that is localized."""
 _EACH = 4
 """Measurement updates from one that is scored to the next."""
 LEAST_PROBABILITY = 0.005
@@ -177,9 +177,14 @@ class Trial:
 
 
 def held_out(scan: Scan, tracks: Tracks, spacing: float) -> list[HeldOut]:
-    """Sweeps that are spread across the scan, whose lines are ``spacing`` metres apart."""
+    """Sweeps that are spread across the scan, whose lines are ``spacing`` metres apart.
+
+    Fragments, as of a return stroke that was not recorded, are held out only where there is nothing else.
+    """
     positions, strain = scan.positions_on(tracks.scene), scan.strain_on(tracks.scene)
     order = _across(tracks)
+    whole = order[tracks.counts[order] >= _LEAST_STRAINS]
+    order = whole if len(whole) > 1 else order
     inner = order[1:-1] if len(order) > 4 else order  # the outermost lie beside the map of the others
     found = []
     for place in evenly(len(inner), _SWEEPS):

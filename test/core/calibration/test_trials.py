@@ -78,6 +78,20 @@ def test_each_of_few_sweeps_is_localized_from_its_start_once(monkeypatch: pytest
     assert {length for _, length in made} == {0.003, 0.005}
 
 
+def test_a_fragment_is_held_out_only_where_there_is_nothing_else() -> None:
+    """As of return strokes that were not recorded, of which a detector of sweeps keeps the first strains."""
+    whole = bump_scan(SHEET)
+    odd = whole.sweep_numbers[1::2]
+    fragments = np.concatenate([np.flatnonzero(whole.sweep == number)[-5:] for number in odd])
+    among_whole = np.concatenate([np.flatnonzero(~np.isin(whole.sweep, odd)), fragments])
+    for rows, is_fragment in ((among_whole, False), (fragments, True)):
+        scan = whole.select(rows)
+        model = learn_sweep_model(scan, SHEET, Material.SHEET)
+        held = held_out(scan, model.scan.tracks, model.scan.spacing)
+        assert len(held) > 1
+        assert {len(each.positions) == 5 for each in held} == {is_fragment}
+
+
 def test_the_sessions_of_a_scan_are_part_of_what_is_learned() -> None:
     scan = of_two_sessions(slice(None))
     assert digest_of(scan, SHEET) != digest_of(replace(scan, sessions=()), SHEET)
