@@ -28,7 +28,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("tradeoff")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(learned, "learn", lambda *_: CALIBRATION)
+        patch.setattr(learned, "learn_model", lambda *_: (CALIBRATION, None))
         assert main(["simulate", "bump", "--test", "3", "-o", "."]) == 0
         scene = replace(load_scene(resource_path("config/scenes/bump.yaml")), feature=None)
         save_scene(scene, "scene.yaml")
@@ -40,7 +40,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def folder(files: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder :func:`files` as working directory; its calibration is stored."""
     monkeypatch.chdir(files)
-    monkeypatch.setattr(learned, "learn", None)
+    monkeypatch.setattr(learned, "learn_model", None)
     return files
 
 
