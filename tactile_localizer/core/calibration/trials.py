@@ -30,7 +30,7 @@ _SWEEPS = 24
 _MAPS = 6
 """Maps without a sweep; of more sweeps, two that are far from each other are left out of one."""
 _LEAST_STRAINS = 10
-"""Strains of a sweep, or a part of one, that is localized."""
+"""Fewest strains of a held-out sweep, or of a part of one."""
 _EACH = 4
 """Measurement updates from one that is scored to the next."""
 LEAST_PROBABILITY = 0.005

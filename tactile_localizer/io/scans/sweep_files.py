@@ -84,9 +84,8 @@ class OpenSweep:
         """
         made = np.zeros(len(stamp_ns), _record_type(self._scene))
         made["stamp_ns"], made["position"], made["strain"] = stamp_ns, position, strain
-        start, content, size = _checksum(self._scene), memoryview(made.tobytes()), made.itemsize
-        ends = range(size - 4, len(content), size)
-        made["crc"] = [zlib.crc32(content[end - size + 4 : end], start) for end in ends]
+        start = _checksum(self._scene)
+        made["crc"] = [zlib.crc32(record.tobytes()[:-4], start) for record in made]
         self._records += made.tobytes()
         self.pairs += len(made)
         self._write(made.tobytes())
@@ -153,16 +152,12 @@ def read_sweep(path: Path, number: int, scene: Scene) -> tuple[RecordedSweep, in
         while at < most and len(intact) < _MOST_BYTES and (piece := file.read(_PIECE)):
             rest += piece
             good = 0
-            view, ends = memoryview(rest), len(rest) - size
-            while at <= ends and at - good < most:
-                first = at
-                while at <= ends and zlib.crc32(view[at : at + size], start) == _RESIDUE:
-                    at += size
-                if at > first:
-                    intact += view[first:at]
-                    good = at
-                else:
-                    at += 1
+            while at + size <= len(rest) and at - good < most:
+                record = rest[at : at + size]
+                at += 1
+                if zlib.crc32(record, start) == _RESIDUE:
+                    intact += record
+                    at = good = at - 1 + size
             rest, at = rest[good:], at - good
     _, mark, end = rest.rpartition(_END)
     line = end.partition(b"\n")[0]
