@@ -3,7 +3,7 @@
 import contextlib
 import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -150,9 +150,17 @@ class Operator:
         if topic in ("/strain", "/palm_pose", "/tactile_mapping/status", "/tactile_filter/posterior"):
             self._late_s[topic] = 1e-9 * (time.time_ns() - to_ns(message.header.stamp))
         if topic == "/strain":
-            first = self._sequence or deserialize_message(taken[0][0], StrainVectors).sequence[0] - 1
-            self.lost += max(message.sequence[0] - first - len(taken), 0)
-            self._sequence = message.sequence[0]
+            self._count([raw for raw, _ in taken], message.sequence[0])
+
+    def _count(self, taken: Sequence[bytes], newest: int) -> None:
+        """Count the samples of the first load cell that are in none of the strain vectors taken."""
+        before = self._sequence or deserialize_message(taken[0], StrainVectors).sequence[0] - 1
+        sent, received = newest - before, len(taken)
+        if sent != received:  # a vector without its sample has the number of the one before
+            numbers = {deserialize_message(raw, StrainVectors).sequence[0] for raw in taken}
+            received = len(numbers - {before})
+        self.lost += max(sent - received, 0)
+        self._sequence = newest
 
     def _pace(self) -> None:
         """Slow the simulated hand down while the nodes or the recording are late, before a queue is full."""

@@ -7,7 +7,8 @@ completes another one, at any pace, and however late the bus delivers. A phalanx
 
 Time decides only which load cell comes first, and of which cycle a sample is before which others were lost:
 the first one is behind the largest gap, which is followed as the phases of the load cells drift. A wrong
-choice costs the age of samples, or one of each load cell when it is mended, but none is composed of two.
+choice costs the age of samples, and when it is mended a cycle in two parts, but never a sample, and none is
+composed of two.
 
 Without counters, a sample behind losses is not distinguishable from one that is late with the whole bus, as
 long as none was received that usually follows it. It is taken as late, so that one cycle can mix samples.
@@ -112,6 +113,7 @@ class CycleAssembler:
         self._ready: list[LoadCell] = []  # those with a sample in the open cycle, in order
         # The one with which cycles begin; None: unknown.
         self._first = self._cells[0] if len(self._cells) == 1 else None
+        self._next: LoadCell | None = None  # the one with which they are to begin, where that is another
         self._is_aligned = False  # whether its sample was received since the start, a pause, or a change
         self._begin_ns = 0  # of the open cycle, also if its first sample was lost
         self._passed_ns = 0  # usual lag of that sample in it which is usually the last
@@ -251,12 +253,15 @@ class CycleAssembler:
             cell.gaps_ns.append(gap_ns)
         if not self._is_aligned:
             self._find_begin(cell)
-        elif not self._ready or cell in self._ready or self._is_next(cell):
+        elif not self._ready or cell in self._ready or cell is self._next or self._is_next(cell):
             self._close()
-            if self._is_misplaced():
-                self._align(self._behind)
-            else:
-                self._begin(cell)
+            if cell is self._next:
+                self._next = None
+                self._forget_lags()
+            elif self._is_misplaced():
+                self._next = self._behind
+                self._forget_lags()
+            self._begin(cell)
         elif gap_ns > self._gap_ns:
             self._gap_ns, self._behind = gap_ns, cell
 
@@ -272,11 +277,15 @@ class CycleAssembler:
     def _align(self, first: LoadCell | None) -> None:
         """Wait for the sample with which a cycle begins; those before it are in none."""
         self._ready.clear()
-        self._is_aligned, self._gap_ns = False, 0
+        self._is_aligned, self._gap_ns, self._next = False, 0, None
         if first is not self._first:
             self._first = first
-            for cell in self._cells:
-                cell.lag_ns = None
+            self._forget_lags()
+
+    def _forget_lags(self) -> None:
+        """Forget when samples follow the begin of a cycle, as cycles begin elsewhere."""
+        for cell in self._cells:
+            cell.lag_ns = None
 
     def _find_begin(self, cell: LoadCell) -> None:
         """Begin a cycle with the sample that is waited for, or else with the one behind the largest gap."""

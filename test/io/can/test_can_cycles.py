@@ -120,13 +120,13 @@ def test_load_cells_that_send_irregularly_keep_their_cycles_if_bursts_are_starve
     assert first_frames(hand, frames, period_s=1.0) == [(0, t) for t in begins[message > 0 :]]
 
 
-def test_a_pause_within_the_first_burst_costs_no_cycle(hand: LoadCellProtocol) -> None:
+def test_a_pause_within_the_first_burst_costs_no_sample(hand: LoadCellProtocol) -> None:
     times = 10.0 * np.arange(20)[:, None] + [0.0, 1.0, 2.0]
     times[0, 2] += 20.0
     times[1:] += 25.0
     made = cycles(hand, [(k, t) for row in times for k, t in enumerate(row)], period_s=1.0)
-    assert [len(one) for one in made] == [3] * len(made)
-    assert len(made) >= 18
+    assert sum(map(len, made)) >= 20 * 3 - 2, "but before the first begin"
+    assert [len(one) for one in made if len(one) < 3] == [1], "where the begin was mended"
     assert [min(one)[1] for one in made[-12:]] == times[-12:, 0].tolist(), "by the largest gap"
 
 
@@ -135,8 +135,8 @@ def test_cycles_begin_behind_a_gap_that_becomes_larger(hand: LoadCellProtocol) -
     times[50:, 1:] -= 4
     made = cycles(hand, [(k, t) for row in times for k, t in enumerate(row)])
     begins = [one[0] if one[0][1] < one[-1][1] else one[-1] for one in made]
-    assert all(len(one) == 3 for one in made)
-    assert len(begins) >= 98
+    assert sum(map(len, made)) >= 298
+    assert [len(one) for one in made if len(one) < 3] == [2], "where the begin moved"
     assert begins[-40:] == [(0, t) for t in times[-40:, 0]]
 
 
