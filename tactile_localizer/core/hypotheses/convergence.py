@@ -5,6 +5,8 @@ from enum import Enum
 
 import numpy as np
 
+from tactile_localizer.core import compiled
+
 
 class State(Enum):
     """Where a localization stands."""
@@ -61,6 +63,10 @@ class Ellipsoid:
         By the approximation of Jensen and Solomon (1972) to the distribution of a quadratic form: within
         0.01, above 0.98 within 0.001.
         """
+        if compiled.MODULE is not None:
+            by_axis = np.ascontiguousarray(away.T)
+            given = self._radius, self._sums, self._factors, self._reach
+            return float(compiled.MODULE.probability_within(by_axis, *given, weights))
         squared = np.square(away.T / self._radius)
         near = (np.add.reduce(squared) <= self._reach).nonzero()[0]
         # Cumulants of the quadratic form.

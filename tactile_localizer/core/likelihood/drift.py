@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_localizer.core import compiled
+
 OUTLIER = 100.0
 """Ratio of the energy of an outlier to the largest that is expected. By judgement."""
 _LARGEST_GAIN = 1.0 - 1e-9
@@ -103,13 +105,12 @@ class Drift:
         ``travel`` is that since the last update, m; ``exponent``, (C,) or of all channels, the fraction of
         an independent measurement that the strain is.
         """
+        if compiled.MODULE is not None:
+            return self._compiled(trend, whitened, map_strain, travel, exponent)
         known = trend.measurements + self.prior
         travel = min(travel, self.memory)  # beyond it the level is unknown, however far the arm jumped
         predicted = trend.level + travel * trend.rate
-        map_level, map_rate = trend.of_map
-        map_trend = np.float32(travel) * map_rate
-        map_trend += map_level
-        strain_left, map_left = whitened - predicted, map_strain - map_trend
+        strain_left = whitened - predicted
         # Whether the strain is an outlier or the level is, the next ones decide: both lose weight.
         weight, rate_gain = 1.0, 0.0
         if np.count_nonzero(known):
@@ -118,6 +119,10 @@ class Drift:
             rate_gain = weight * travel / (4.0 * self.memory**2)
         added = exponent * weight
         gain = np.minimum(np.maximum(added / (known + added), weight * travel / self.memory), _LARGEST_GAIN)
+        map_level, map_rate = trend.of_map
+        map_trend = np.float32(travel) * map_rate
+        map_trend += map_level
+        map_left = map_strain - map_trend
         following = np.empty_like(trend.of_map)
         np.multiply(map_left, gain.astype(np.float32), out=following[0])
         following[0] += map_trend
@@ -131,6 +136,26 @@ class Drift:
         )
         level_variance = self.variance * gain / (1.0 - gain) / exponent
         return Innovation(strain_left, map_left, level_variance), after
+
+    def _compiled(
+        self,
+        trend: Trend,
+        whitened: np.ndarray,
+        map_strain: np.ndarray,
+        travel: float,
+        exponent: np.ndarray | float,
+    ) -> tuple[Innovation, Trend]:
+        assert compiled.MODULE is not None
+        before = np.empty((2, len(self.prior)))
+        before[0], before[1] = trend.measurements, exponent
+        strain_left, level_variance, measurements, level, rate = after = np.empty((5, len(self.prior)))
+        map_left, following = np.empty_like(map_strain), np.empty_like(trend.of_map)
+        model = self.memory, self.variance, self._largest_energy
+        of_strain = before[0], trend.level, trend.rate, self.prior, whitened, before[1]
+        compiled.MODULE.drift(
+            *of_strain, *model, travel, map_strain, trend.of_map, *after, map_left, following
+        )
+        return Innovation(strain_left, map_left, level_variance), Trend(measurements, level, rate, following)
 
     def along(self, values: np.ndarray, pitch: float, exponent: float) -> tuple[np.ndarray, np.ndarray]:
         """Innovations of ``values`` (n, C) at every ``pitch`` metres, and variances of the level, (n, C)."""

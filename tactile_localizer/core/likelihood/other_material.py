@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core import compiled
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM
 
 _STRENGTHS = np.array([0.0, 0.03, 0.1, 0.3, 1.0, 3.0])
@@ -43,6 +44,8 @@ class OtherMaterial:
             largest[own] = even[own].max()
         # Last a signal in any direction: strains in another unit are off the map too.
         self._spread = np.vstack([np.outer(_STRENGTHS, even), _STRENGTHS[-1] * largest])
+        each = np.full(layout.phalanges, variance, dtype=np.float64)
+        self._tables = self._spread, self._rotation, each, np.cumsum([0, *layout.counts], dtype=np.intp)
 
     def transformed(self, transform: np.ndarray) -> OtherMaterial:
         """The same for innovations ``transform @ v``; ``transform`` (C, C) has a block per phalanx."""
@@ -75,6 +78,12 @@ class OtherMaterial:
         exponent : fraction of an independent measurement that the innovation is
         """
         layout, tails = self._layout, DEGREES_OF_FREEDOM
+        forgotten = -math.expm1(-travel / PATCH_LENGTH)
+        if compiled.MODULE is not None:
+            following = np.empty(weights.shape)
+            felt = np.ascontiguousarray(weights), innovation, level_variance, used
+            rates = tails, exponent, forgotten
+            return compiled.MODULE.off_map(*self._tables, *felt, *rates, following), following
         variance = self._spread + layout.expand(self._variance + level_variance)
         squared = np.square(innovation @ self._rotation) / variance
         densities = -0.5 * (tails + layout.widths) * np.log1p(layout.sum(squared) / tails)
@@ -84,5 +93,5 @@ class OtherMaterial:
         total = np.log(np.add.reduce(weights * np.exp(densities))) + peak
         following = weights * np.exp(exponent * densities)
         following /= np.add.reduce(following)
-        following += -math.expm1(-travel / PATCH_LENGTH) * (1.0 / len(weights) - following)
+        following += forgotten * (1.0 / len(weights) - following)
         return float(used @ total), np.where(used, following, weights)

@@ -1,0 +1,442 @@
+/* The loops of a measurement update over the places of a belief, compiled.
+ *
+ * A belief that has converged has some 200 places of a few numbers each, where calls of numpy cost ten times what
+ * they compute. Each function is the twin of one in numpy, which takes its place where this module was not built
+ * (core/compiled.py); a test compares the two on random input.
+ *
+ * N places, of which the first P are states and the others anchors; F phalanges with C channels together; M nodes of
+ * the map. Arrays are C-contiguous: f float32, d float64, n intp. Those that a function writes come last.
+ */
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <string.h>
+
+/* Whether a buffer has so many values; otherwise an exception is set. */
+static bool has_size(const Py_buffer *buffer, const char *name, Py_ssize_t count, size_t size)
+{
+    if (buffer->len == count * (Py_ssize_t)size) return true;
+    PyErr_Format(PyExc_ValueError, "%s: expected %zd values of %zu bytes, got %zd bytes", name, count, size, buffer->len);
+    return false;
+}
+
+static void release(Py_buffer *buffers, size_t count)
+{
+    for (size_t k = 0; k < count; k++) PyBuffer_Release(&buffers[k]);
+}
+
+#define COUNT(buffer, type) ((buffer).len / (Py_ssize_t)sizeof(type))
+#define HAS(buffer, count, type) has_size(&a[buffer], #buffer, count, sizeof(type))
+
+/* map_at(places d (d, N), origin d (d,), step d (d,), shape n (d,), table f (M, C); nodes n (N,), strain f (N, C)) */
+static PyObject *map_at(PyObject *self, PyObject *args)
+{
+    enum { PLACES, ORIGIN, STEP, SHAPE, TABLE, NODES, STRAIN, ALL };
+    Py_buffer a[ALL] = {{0}};
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*w*w*", &a[PLACES], &a[ORIGIN], &a[STEP], &a[SHAPE], &a[TABLE], &a[NODES],
+                          &a[STRAIN]))
+        return NULL;
+    const Py_ssize_t axes = COUNT(a[SHAPE], intptr_t), places = COUNT(a[NODES], intptr_t);
+    const double *place = a[PLACES].buf, *origin = a[ORIGIN].buf, *step = a[STEP].buf;
+    const intptr_t *shape = a[SHAPE].buf;
+    Py_ssize_t all = 1;
+    for (Py_ssize_t axis = 0; axis < axes; axis++) all *= shape[axis];
+    const Py_ssize_t channels = all > 0 ? COUNT(a[TABLE], float) / all : 0;
+    const bool fits = HAS(PLACES, axes * places, double) && HAS(ORIGIN, axes, double) && HAS(STEP, axes, double) &&
+                      HAS(TABLE, all * channels, float) && HAS(STRAIN, places * channels, float);
+    for (Py_ssize_t n = 0; fits && n < places; n++) {
+        intptr_t node = 0;
+        for (Py_ssize_t axis = 0; axis < axes; axis++) {
+            const double along = rint((place[axis * places + n] - origin[axis]) / step[axis]);
+            const double last = (double)(shape[axis] - 1);
+            node = node * shape[axis] + (intptr_t)(along > 0.0 ? (along < last ? along : last) : 0.0);
+        }
+        ((intptr_t *)a[NODES].buf)[n] = node;
+        memcpy((float *)a[STRAIN].buf + n * channels, (const float *)a[TABLE].buf + node * channels,
+               (size_t)channels * sizeof(float));
+    }
+    release(a, ALL);
+    if (!fits) return NULL;
+    Py_RETURN_NONE;
+}
+
+static const double LARGEST_GAIN = 1.0 - 1e-9; /* as in core/likelihood/drift.py */
+
+/* drift(measurements, level, rate, prior, whitened, exponent, all d (C,); memory, variance, largest energy, travel;
+ *       map_strain f (N, C), of_map f (2, N, C);
+ *       strain_left, level_variance, next measurements, level, rate, all d (C,); left f (N, C), following f (2, N, C))
+ */
+static PyObject *drift(PyObject *self, PyObject *args)
+{
+    enum { MEASUREMENTS, LEVEL, RATE, PRIOR, WHITENED, EXPONENT, MAP_STRAIN, OF_MAP, STRAIN_LEFT, LEVEL_VARIANCE,
+           NEXT_MEASUREMENTS, NEXT_LEVEL, NEXT_RATE, LEFT, FOLLOWING, ALL };
+    Py_buffer a[ALL] = {{0}};
+    double memory, variance, largest_energy, travel, energy = 0.0, weight = 1.0, rate_gain = 0.0;
+    float *gain = NULL;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*ddddy*y*w*w*w*w*w*w*w*", &a[MEASUREMENTS], &a[LEVEL], &a[RATE], &a[PRIOR],
+                          &a[WHITENED], &a[EXPONENT], &memory, &variance, &largest_energy, &travel, &a[MAP_STRAIN],
+                          &a[OF_MAP], &a[STRAIN_LEFT], &a[LEVEL_VARIANCE], &a[NEXT_MEASUREMENTS], &a[NEXT_LEVEL],
+                          &a[NEXT_RATE], &a[LEFT], &a[FOLLOWING]))
+        return NULL;
+    const Py_ssize_t channels = COUNT(a[PRIOR], double), size = COUNT(a[MAP_STRAIN], float);
+    const double *measurements = a[MEASUREMENTS].buf, *level = a[LEVEL].buf, *rate = a[RATE].buf, *prior = a[PRIOR].buf;
+    const double *whitened = a[WHITENED].buf, *exponent = a[EXPONENT].buf;
+    double *strain_left = a[STRAIN_LEFT].buf, *level_variance = a[LEVEL_VARIANCE].buf;
+    double *next_measurements = a[NEXT_MEASUREMENTS].buf, *next_level = a[NEXT_LEVEL].buf, *next_rate = a[NEXT_RATE].buf;
+    for (int k = 0; k < ALL; k++) {
+        const bool of_places = k == MAP_STRAIN || k == OF_MAP || k == LEFT || k == FOLLOWING;
+        const Py_ssize_t values = k == OF_MAP || k == FOLLOWING ? 2 * size : of_places ? size : channels;
+        if (!has_size(&a[k], "an array of drift", values, of_places ? sizeof(float) : sizeof(double))) goto end;
+    }
+    gain = PyMem_Malloc((size_t)channels * sizeof(float));
+    if (!gain) {
+        PyErr_NoMemory();
+        goto end;
+    }
+    bool is_known = false;
+    travel = travel < memory ? travel : memory;
+    for (Py_ssize_t c = 0; c < channels; c++) {
+        strain_left[c] = whitened[c] - (level[c] + travel * rate[c]);
+        energy += strain_left[c] * strain_left[c];
+        is_known = is_known || measurements[c] + prior[c] != 0.0;
+    }
+    if (is_known) {
+        weight = 1.0 / (1.0 + energy / largest_energy);
+        rate_gain = weight * travel / (4.0 * memory * memory);
+    }
+    for (Py_ssize_t c = 0; c < channels; c++) {
+        const double added = exponent[c] * weight, least = weight * travel / memory;
+        double share = added / (measurements[c] + prior[c] + added);
+        share = share > least ? share : least;
+        share = share < LARGEST_GAIN ? share : LARGEST_GAIN;
+        gain[c] = (float)share;
+        next_measurements[c] = 0.5 * (1.0 + weight) * measurements[c] + added;
+        next_level[c] = level[c] + travel * rate[c] + share * strain_left[c];
+        next_rate[c] = rate[c] + rate_gain * strain_left[c];
+        level_variance[c] = variance * share / (1.0 - share) / exponent[c];
+    }
+    const float *map_strain = a[MAP_STRAIN].buf, *map_level = a[OF_MAP].buf, *map_rate = map_level + size;
+    float *left = a[LEFT].buf, *following_level = a[FOLLOWING].buf, *following_rate = following_level + size;
+    const float step = (float)travel, turn = (float)rate_gain;
+    for (Py_ssize_t row = 0; row < size; row += channels) {
+        for (Py_ssize_t c = 0; c < channels; c++) {
+            const Py_ssize_t at = row + c;
+            const float predicted = step * map_rate[at] + map_level[at], new = map_strain[at] - predicted;
+            left[at] = new;
+            following_level[at] = new * gain[c] + predicted;
+            following_rate[at] = new * turn + map_rate[at];
+        }
+    }
+end:
+    PyMem_Free(gain);
+    release(a, ALL);
+    if (PyErr_Occurred()) return NULL;
+    Py_RETURN_NONE;
+}
+
+/* Logarithm of a positive number that is finite, to 1.5e-7 of it. Unlike logf(), a loop of it is one of vectors.
+ *
+ * With f in [sqrt(1/2) - 1, sqrt(2) - 1]: log(1 + f) = f - f^2 / 2 + f^3 Q(f), with Q by least squares.
+ */
+static inline float fast_log(float x)
+{
+    int32_t bits, exponent;
+    float mantissa;
+    memcpy(&bits, &x, sizeof bits);
+    exponent = (bits - 0x3f3504f3) >> 23; /* of a mantissa from sqrt(1/2) to sqrt(2) */
+    bits -= (int32_t)((uint32_t)exponent << 23);
+    memcpy(&mantissa, &bits, sizeof mantissa);
+    const float f = mantissa - 1.0f;
+    float q = 0.0850695372f;
+    q = q * f - 0.141974717f;
+    q = q * f + 0.149509788f;
+    q = q * f - 0.165879488f;
+    q = q * f + 0.199605972f;
+    q = q * f - 0.250009686f;
+    q = q * f + 0.333339721f;
+    return (float)exponent * 0.693147182f + (f - 0.5f * f * f + f * f * f * q);
+}
+
+/* Matrix (C, C) times vector (C,). */
+static void multiply(const float *matrix, const float *vector, Py_ssize_t channels, float *result)
+{
+    for (Py_ssize_t row = 0; row < channels; row++) {
+        float sum = 0.0f;
+        for (Py_ssize_t c = 0; c < channels; c++) sum += matrix[row * channels + c] * vector[c];
+        result[row] = sum;
+    }
+}
+
+/* Residuals (F, n + N) from n components other than the first, then from the N first ones. */
+typedef struct {
+    float *energy, *product, *squared, *gain, *variance, *length, *log_density;
+} Residuals;
+enum { PER_RESIDUAL = 7 };
+
+/* The residual of a strain (count,) from a signal, at a mean gain. */
+static void residual(const float *strain, const float *signal, Py_ssize_t count, float mean, const Residuals *into,
+                     Py_ssize_t at)
+{
+    float energy = 0.0f, along = 0.0f, squared = 0.0f;
+    for (Py_ssize_t c = 0; c < count; c++) {
+        const float left = strain[c] - signal[c];
+        energy += signal[c] * signal[c];
+        along += strain[c] * signal[c];
+        squared += left * left;
+    }
+    /* From the residual of a gain of one to that of the mean gain. */
+    const float more = 1.0f - mean, product = along - energy;
+    into->energy[at] = energy;
+    into->product[at] = product + more * energy;
+    into->squared[at] = squared + more * (2.0f * product + more * energy);
+}
+
+/* Log-densities of residuals, and their squared Mahalanobis lengths (core/likelihood/student_t.py). */
+#ifdef __GNUC__
+__attribute__((noinline)) /* inlined, the loop is not vectorized: what does not alias is forgotten */
+#endif
+static void densities(Py_ssize_t rows, const float *restrict energy, const float *restrict product,
+                      const float *restrict squared, const float *restrict gain, const float *restrict variance,
+                      float channels, float degrees, float *restrict length, float *restrict log_density)
+{
+    for (Py_ssize_t row = 0; row < rows; row++) {
+        const float total = variance[row] + gain[row] * energy[row];
+        const float left = squared[row] - gain[row] * (product[row] * product[row]) / total;
+        const float across = (left > 0.0f ? left : 0.0f) / variance[row];
+        const float tails = (degrees + channels) * fast_log(1.0f + across * (1.0f / degrees));
+        length[row] = across;
+        log_density[row] = -0.5f * (tails + (channels - 1.0f) * fast_log(variance[row]) + fast_log(total));
+    }
+}
+
+/* on_map(spread f (F + 1, M), counts n (M,), starts n (M,), away f (n, C), other_spread f (F + 1, n): components;
+ *        nodes n (N,), of_map f (N, C), mean f (F, N), gain f (F, N): of the places;
+ *        bounds n (F + 1,): first channel of each phalanx;
+ *        strain f (C,), transform f (C, C) or None, level f (F,), scale f (F,) or None, used bool (F,): of the strain;
+ *        degrees of freedom, number of states;
+ *        likelihoods d (N,), position d (P,), lengths f (F, P), information f (F, N), product f (F, N))
+ */
+static PyObject *on_map(PyObject *self, PyObject *args)
+{
+    enum { SPREAD, COUNTS, STARTS, AWAY, OTHER_SPREAD, NODES, OF_MAP, MEAN, GAIN, BOUNDS, STRAIN, TRANSFORM, LEVEL, SCALE,
+           USED, LIKELIHOODS, POSITION, LENGTHS, INFORMATION, PRODUCT, ALL };
+    Py_buffer a[ALL] = {{0}};
+    Py_ssize_t states;
+    float degrees;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*y*y*y*z*y*z*y*fnw*w*w*w*w*", &a[SPREAD], &a[COUNTS], &a[STARTS],
+                          &a[AWAY], &a[OTHER_SPREAD], &a[NODES], &a[OF_MAP], &a[MEAN], &a[GAIN], &a[BOUNDS],
+                          &a[STRAIN], &a[TRANSFORM], &a[LEVEL], &a[SCALE], &a[USED], &degrees, &states,
+                          &a[LIKELIHOODS], &a[POSITION], &a[LENGTHS], &a[INFORMATION], &a[PRODUCT]))
+        return NULL;
+    const Py_ssize_t phalanges = COUNT(a[LEVEL], float), channels = COUNT(a[STRAIN], float);
+    const Py_ssize_t places = COUNT(a[NODES], intptr_t), nodes = COUNT(a[COUNTS], intptr_t);
+    const Py_ssize_t all_others = COUNT(a[OTHER_SPREAD], float) / (phalanges + 1);
+    const float *spread = a[SPREAD].buf, *other_spread = a[OTHER_SPREAD].buf, *away = a[AWAY].buf;
+    const float *strain = a[STRAIN].buf, *transform = a[TRANSFORM].buf, *level = a[LEVEL].buf, *scale = a[SCALE].buf;
+    const float *mean = a[MEAN].buf, *gain = a[GAIN].buf;
+    const intptr_t *counts = a[COUNTS].buf, *starts = a[STARTS].buf, *node_of = a[NODES].buf, *bounds = a[BOUNDS].buf;
+    const char *used = a[USED].buf;
+    double *likelihoods = a[LIKELIHOODS].buf, *position = a[POSITION].buf;
+    float *lengths = a[LENGTHS].buf, *information = a[INFORMATION].buf, *product = a[PRODUCT].buf, *memory = NULL;
+    Py_ssize_t others = 0;
+    if (!(HAS(SPREAD, (phalanges + 1) * nodes, float) && HAS(STARTS, nodes, intptr_t) &&
+          HAS(AWAY, all_others * channels, float) && HAS(OF_MAP, places * channels, float) &&
+          HAS(MEAN, phalanges * places, float) && HAS(GAIN, phalanges * places, float) &&
+          HAS(BOUNDS, phalanges + 1, intptr_t) && (!transform || HAS(TRANSFORM, channels * channels, float)) &&
+          (!scale || HAS(SCALE, phalanges, float)) && HAS(USED, phalanges, char) && HAS(LIKELIHOODS, places, double) &&
+          HAS(POSITION, states, double) && HAS(LENGTHS, phalanges * states, float) &&
+          HAS(INFORMATION, phalanges * places, float) && HAS(PRODUCT, phalanges * places, float)))
+        goto end;
+    for (Py_ssize_t n = 0; n < states; n++) others += counts[node_of[n]];
+    const Py_ssize_t rows = others + places, size = phalanges * rows;
+    memory = PyMem_Malloc((size_t)(PER_RESIDUAL * size + rows + 2 * channels) * sizeof(float));
+    if (!memory) {
+        PyErr_NoMemory();
+        goto end;
+    }
+    const Residuals of = {memory,
+                          memory + size,
+                          memory + 2 * size,
+                          memory + 3 * size,
+                          memory + 4 * size,
+                          memory + 5 * size,
+                          memory + 6 * size};
+    float *log_prior = memory + PER_RESIDUAL * size, *moved = log_prior + rows, *whitened = moved + channels;
+    for (Py_ssize_t n = 0, row = 0; n < places; n++) {
+        const float *of_map = (const float *)a[OF_MAP].buf + n * channels;
+        const intptr_t node = node_of[n], count = n < states ? counts[node] : 0; /* of anchors the first alone */
+        for (intptr_t k = -1; k < count; k++) {                                  /* the first component, the others */
+            const intptr_t other = starts[node] + k;
+            const Py_ssize_t at = k < 0 ? others + n : row++;
+            const float *signal = of_map;
+            if (k >= 0) {
+                for (Py_ssize_t c = 0; c < channels; c++) moved[c] = of_map[c] + away[other * channels + c];
+                signal = moved;
+            }
+            if (transform) {
+                multiply(transform, signal, channels, whitened);
+                signal = whitened;
+            }
+            for (Py_ssize_t f = 0; f < phalanges; f++) {
+                const float visit = k < 0 ? spread[f * nodes + node] : other_spread[f * all_others + other];
+                of.variance[f * rows + at] = visit + level[f];
+                of.gain[f * rows + at] = gain[f * places + n];
+                residual(strain + bounds[f], signal + bounds[f], bounds[f + 1] - bounds[f], mean[f * places + n], &of,
+                         f * rows + at);
+            }
+            log_prior[at] = k < 0 ? spread[phalanges * nodes + node] : other_spread[phalanges * all_others + other];
+        }
+        if (n >= states) log_prior[others + n] = 0.0f;
+    }
+    memset(likelihoods, 0, (size_t)places * sizeof(double));
+    memset(position, 0, (size_t)states * sizeof(double));
+    for (Py_ssize_t f = 0; f < phalanges; f++) {
+        const Py_ssize_t begin = f * rows, first = begin + others;
+        const float width = (float)(bounds[f + 1] - bounds[f]);
+        for (int in_sweep = 0; in_sweep <= (scale != NULL); in_sweep++) {
+            for (Py_ssize_t row = begin; in_sweep && row < begin + rows; row++) of.variance[row] *= scale[f];
+            densities(rows, of.energy + begin, of.product + begin, of.squared + begin, of.gain + begin,
+                      of.variance + begin, width, degrees, of.length + begin, of.log_density + begin);
+            for (Py_ssize_t n = 0, row = 0; used[f] && n < (in_sweep ? states : places); n++) {
+                const double of_first = of.log_density[first + n] + log_prior[others + n];
+                const intptr_t count = n < states ? counts[node_of[n]] : 0;
+                double sum = 1.0; /* relative to the first component */
+                for (const Py_ssize_t end = row + count; row < end; row++) {
+                    const double ratio = of.log_density[begin + row] + log_prior[row] - of_first;
+                    sum += exp(ratio < 700.0 ? ratio : 700.0); /* a finite number */
+                }
+                (in_sweep ? position : likelihoods)[n] += of_first + (count ? log(sum) : 0.0);
+            }
+            for (Py_ssize_t n = 0; !in_sweep && n < states; n++) lengths[f * states + n] = of.length[first + n];
+        }
+        for (Py_ssize_t n = 0; n < places; n++) {
+            const float weight = (degrees + width) / (degrees + of.length[first + n]) / of.variance[first + n];
+            information[f * places + n] = weight * of.energy[first + n];
+            product[f * places + n] = weight * of.product[first + n];
+        }
+    }
+    if (!scale) memcpy(position, likelihoods, (size_t)states * sizeof(double));
+end:
+    PyMem_Free(memory);
+    release(a, ALL);
+    if (PyErr_Occurred()) return NULL;
+    Py_RETURN_NONE;
+}
+
+/* off_map(spread d (G, C), rotation d (C, C), variance d (F,), bounds n (F + 1,): of the material; weights d (G, F),
+ *         innovation d (C,), level d (F,), used bool (F,), degrees of freedom, exponent, fraction that is forgotten;
+ *         following d (G, F)): log-likelihood
+ */
+static PyObject *off_map(PyObject *self, PyObject *args)
+{
+    enum { SPREAD, ROTATION, VARIANCE, BOUNDS, WEIGHTS, INNOVATION, LEVEL, USED, FOLLOWING, ALL };
+    Py_buffer a[ALL] = {{0}};
+    double degrees, exponent, forgotten, likelihood = 0.0, *memory = NULL;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*dddw*", &a[SPREAD], &a[ROTATION], &a[VARIANCE], &a[BOUNDS],
+                          &a[WEIGHTS], &a[INNOVATION], &a[LEVEL], &a[USED], &degrees, &exponent, &forgotten,
+                          &a[FOLLOWING]))
+        return NULL;
+    const Py_ssize_t channels = COUNT(a[INNOVATION], double), phalanges = COUNT(a[LEVEL], double);
+    const Py_ssize_t strengths = COUNT(a[WEIGHTS], double) / phalanges;
+    const double *spread = a[SPREAD].buf, *rotation = a[ROTATION].buf, *variance = a[VARIANCE].buf;
+    const double *weights = a[WEIGHTS].buf, *innovation = a[INNOVATION].buf, *level = a[LEVEL].buf;
+    const intptr_t *bounds = a[BOUNDS].buf;
+    double *following = a[FOLLOWING].buf;
+    if (!(HAS(SPREAD, strengths * channels, double) && HAS(ROTATION, channels * channels, double) &&
+          HAS(VARIANCE, phalanges, double) && HAS(BOUNDS, phalanges + 1, intptr_t) &&
+          HAS(WEIGHTS, strengths * phalanges, double) && HAS(USED, phalanges, char) &&
+          HAS(FOLLOWING, strengths * phalanges, double)))
+        goto end;
+    memory = PyMem_Malloc((size_t)(channels + strengths) * sizeof(double));
+    if (!memory) {
+        PyErr_NoMemory();
+        goto end;
+    }
+    double *squared = memory, *densities = memory + channels;
+    for (Py_ssize_t c = 0; c < channels; c++) squared[c] = 0.0;
+    for (Py_ssize_t row = 0; row < channels; row++)
+        for (Py_ssize_t c = 0; c < channels; c++) squared[c] += innovation[row] * rotation[row * channels + c];
+    for (Py_ssize_t c = 0; c < channels; c++) squared[c] *= squared[c];
+    for (Py_ssize_t f = 0; f < phalanges; f++) {
+        double peak = -INFINITY, total = 0.0, sum = 0.0;
+        for (Py_ssize_t g = 0; g < strengths; g++) {
+            double length = 0.0, volume = 0.0;
+            for (intptr_t c = bounds[f]; c < bounds[f + 1]; c++) {
+                const double along = spread[g * channels + c] + (variance[f] + level[f]);
+                length += squared[c] / along;
+                volume += log(along);
+            }
+            const double width = (double)(bounds[f + 1] - bounds[f]);
+            densities[g] = -0.5 * ((degrees + width) * log1p(length / degrees) + volume);
+            peak = densities[g] > peak ? densities[g] : peak;
+        }
+        for (Py_ssize_t g = 0; g < strengths; g++) {
+            const double before = weights[g * phalanges + f], density = densities[g] - peak;
+            total += before * exp(density);
+            sum += following[g * phalanges + f] = before * exp(exponent * density);
+        }
+        const bool counts = ((const char *)a[USED].buf)[f];
+        for (Py_ssize_t g = 0; g < strengths; g++) {
+            double *after = following + g * phalanges + f, even = 1.0 / (double)strengths;
+            *after = counts ? *after / sum + forgotten * (even - *after / sum) : weights[g * phalanges + f];
+        }
+        likelihood += counts ? log(total) + peak : 0.0;
+    }
+end:
+    PyMem_Free(memory);
+    release(a, ALL);
+    return PyErr_Occurred() ? NULL : PyFloat_FromDouble(likelihood);
+}
+
+/* probability_within(away d (d, P), radius d (d,), sums d (3,), factors d (3, d), reach, weights d (P,)): probability */
+static PyObject *probability_within(PyObject *self, PyObject *args)
+{
+    enum { AWAY, RADIUS, SUMS, FACTORS, WEIGHTS, ALL };
+    Py_buffer a[ALL] = {{0}};
+    double reach, probability = 0.0;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*dy*", &a[AWAY], &a[RADIUS], &a[SUMS], &a[FACTORS], &reach, &a[WEIGHTS]))
+        return NULL;
+    const Py_ssize_t axes = COUNT(a[RADIUS], double), states = COUNT(a[WEIGHTS], double);
+    const double *away = a[AWAY].buf, *radius = a[RADIUS].buf, *sums = a[SUMS].buf, *factors = a[FACTORS].buf;
+    const bool fits = HAS(AWAY, axes * states, double) && HAS(SUMS, 3, double) && HAS(FACTORS, 3 * axes, double);
+    for (Py_ssize_t n = 0; fits && n < states; n++) {
+        double length = 0.0, first = sums[0], second = sums[1], third = sums[2]; /* cumulants of the quadratic form */
+        for (Py_ssize_t axis = 0; axis < axes; axis++) {
+            const double along = away[axis * states + n] / radius[axis], squared = along * along;
+            length += squared;
+            first += factors[axis] * squared;
+            second += factors[axes + axis] * squared;
+            third += factors[2 * axes + axis] * squared;
+        }
+        if (!(length <= reach)) continue;
+        const double power = 1.0 - first * third * (2.0 / 3.0) / (second * second), scale = second / (first * first);
+        double deviate = (pow(first, -power) - 1.0 - scale * power * (power - 1.0)) / (power * sqrt(2.0 * scale));
+        deviate = deviate > -8.0 ? (deviate < 8.0 ? deviate : 8.0) : -8.0;
+        probability += ((const double *)a[WEIGHTS].buf)[n] / (1.0 + exp(-deviate * (1.5976 + 0.07056 * (deviate * deviate))));
+    }
+    release(a, ALL);
+    return fits ? PyFloat_FromDouble(probability) : NULL;
+}
+
+static PyMethodDef METHODS[] = {
+    {"map_at", map_at, METH_VARARGS, "Nodes nearest to places, and the strain there."},
+    {"drift", drift, METH_VARARGS, "What of a strain, and of the map, their trends do not predict; the trends after it."},
+    {"on_map", on_map, METH_VARARGS, "Likelihoods of a strain at places of the map."},
+    {"off_map", off_map, METH_VARARGS, "Log-likelihood of a strain on other material, and the weights after it."},
+    {"probability_within", probability_within, METH_VARARGS, "Probability that the hand is within an ellipsoid."},
+    {NULL, NULL, 0, NULL},
+};
+
+static struct PyModuleDef MODULE = {PyModuleDef_HEAD_INIT, "_compiled", NULL, -1, METHODS, NULL, NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit__compiled(void)
+{
+    return PyModule_Create(&MODULE);
+}

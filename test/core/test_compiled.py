@@ -1,0 +1,161 @@
+"""The compiled twins give what numpy gives, on random input and at the extremes."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactile_localizer.channels import ChannelLayout
+from tactile_localizer.core import compiled
+from tactile_localizer.core.hypotheses.convergence import Ellipsoid
+from tactile_localizer.core.likelihood.drift import Drift, Trend
+from tactile_localizer.core.likelihood.gain import Gain
+from tactile_localizer.core.likelihood.on_map import Felt, MapLikelihood
+from tactile_localizer.core.likelihood.other_material import OtherMaterial
+from tactile_localizer.core.likelihood.strain_map import StrainMap
+
+SEEDS = st.integers(0, 2**32 - 1)
+LAYOUTS = st.sampled_from([ChannelLayout(counts) for counts in ((8, 8), (3, 5, 1), (1,), (16, 2), (8,) * 14)])
+SIZES = st.sampled_from([1e-3, 1.0, 100.0, 1e6, 1e9])
+"""Of whitened strains; larger ones are clipped."""
+LEVELS = st.sampled_from([0.0, 1.0, 1e9])
+"""Variances of a level: known, open, and at the first strain."""
+
+
+def test_the_module_is_built() -> None:
+    """Where there is a compiler, as in the workspace that runs these tests."""
+    assert compiled.MODULE is not None
+
+
+def both(monkeypatch: pytest.MonkeyPatch, call: Callable[[], Any]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Results of a call, by the compiled module and by numpy."""
+    by_module = call()
+    with monkeypatch.context() as patched:
+        patched.setattr(compiled, "MODULE", None)
+        by_numpy = call()
+    flat = [list(flattened(each)) for each in (by_module, by_numpy)]
+    return zip(*flat, strict=True)
+
+
+def flattened(found: Any) -> Iterator[np.ndarray]:
+    """The arrays in nested tuples."""
+    if isinstance(found, tuple):
+        for each in found:
+            yield from flattened(each)
+    else:
+        yield np.asarray(found)
+
+
+def random_map(rng: np.random.Generator, layout: ChannelLayout, *shape: int, size: float = 1.0) -> StrainMap:
+    """Four components a node, of which some are alike, with signals of a size."""
+    nodes, axes = int(np.prod(shape)), len(shape)
+    mean = size * rng.standard_normal((nodes, 4, layout.size)) * rng.integers(0, 2, (nodes, 4, 1))
+    variance = rng.uniform(0.1, 10.0, (nodes, 4, layout.phalanges))
+    prior = np.log(rng.dirichlet(np.ones(4), nodes))
+    tables = (table.astype(np.float32) for table in (mean, variance, prior))
+    origin, step = rng.uniform(-1.0, 1.0, axes), rng.uniform(1e-4, 1e-2, axes)
+    return StrainMap(origin, step, shape, *tables, 0.1, np.zeros((axes, layout.size)))
+
+
+@given(seed=SEEDS, layout=LAYOUTS, axes=st.integers(1, 3))
+def test_nodes_are_the_nearest_also_outside_and_halfway(seed: int, layout: ChannelLayout, axes: int) -> None:
+    rng = np.random.default_rng(seed)
+    strain_map = random_map(rng, layout, *rng.integers(1, 6, axes).tolist())
+    model = MapLikelihood(strain_map, layout)
+    steps = rng.integers(-6, 14, (50, axes)) / 2.0 + rng.choice([0.0, 0.2, 1e9], (50, axes))
+    with pytest.MonkeyPatch.context() as patch:
+        for one, other in both(patch, lambda: model.expected(strain_map.origin + steps * strain_map.step)):
+            np.testing.assert_array_equal(one, other)
+
+
+@given(seed=SEEDS, layout=LAYOUTS, size=SIZES, signal=SIZES, level=LEVELS, flags=st.integers(0, 7))
+def test_likelihoods_on_the_map_are_those_of_numpy(
+    seed: int, layout: ChannelLayout, size: float, signal: float, level: float, flags: int
+) -> None:
+    """With and without other noise than in the scan, deviating sweeps, and phalanges that do not count."""
+    rng = np.random.default_rng(seed)
+    model = MapLikelihood(random_map(rng, layout, 9, size=signal), layout)
+    states, places, phalanges = int(rng.integers(0, 12)), 15, layout.phalanges
+    transform = (np.eye(layout.size) + 0.1 * np.tri(layout.size)).astype(np.float32) if flags & 1 else None
+    scale = rng.uniform(0.1, 9.0, phalanges) if flags & 2 else np.ones(phalanges)
+    used = rng.integers(0, 2, phalanges).astype(bool) if flags & 4 else np.ones(phalanges, dtype=bool)
+    nodes, of_map = model.expected(rng.uniform(-1.0, 1.0, (places, 1)))
+    gain = Gain(*rng.uniform(0.05, 1.0, (2, phalanges, places)).astype(np.float32))
+    strain = (of_map[0] + size * rng.standard_normal(layout.size)).astype(np.float32)
+    felt = Felt(strain, np.full(phalanges, level, dtype=np.float32), transform)
+    names = ("states", "anchors", "position", "squared", "information", "product")
+    with pytest.MonkeyPatch.context() as patch, np.errstate(over="ignore"):
+        found = both(patch, lambda: model.of(felt, nodes, states, of_map, gain, scale, used))
+        for name, (one, other) in zip(names, found, strict=True):
+            assert one.dtype == other.dtype, name
+            assert np.isfinite(one).all(), name
+            if signal <= 100.0:  # of larger ones float32 leaves no difference from the strain
+                rough = 1e-4 + 2e-6 * signal**2  # the residual is the difference of squared signals
+                largest = np.abs(other).max(initial=1.0)
+                np.testing.assert_allclose(one, other, rtol=rough, atol=rough * largest, err_msg=name)
+
+
+@given(
+    seed=SEEDS,
+    channels=st.integers(1, 24),
+    places=st.integers(0, 9),
+    memory=st.sampled_from([0.02, np.inf]),
+    largest=st.sampled_from([100.0, np.inf]),
+    prior=st.sampled_from([0.0, 1.0, np.inf]),
+    size=SIZES,
+)
+def test_drifts_are_followed_as_by_numpy(
+    seed: int, channels: int, places: int, memory: float, largest: float, prior: float, size: float
+) -> None:
+    """From the first strain on, by exponents of all channels or of each."""
+    rng = np.random.default_rng(seed)
+    drift = Drift(memory, 1.3, np.full(channels, prior), largest)
+    strains = size * rng.standard_normal((5, channels))
+    expected = rng.standard_normal((5, places, channels)).astype(np.float32)
+
+    def followed() -> list[Any]:
+        found, trend = [], drift.start(places)
+        for number, (strain, of_map) in enumerate(zip(strains, expected, strict=True)):
+            exponent = 0.3 if number % 2 else np.linspace(0.1, 1.0, channels)
+            innovation, trend = drift.update(trend, strain, of_map, 0.001 * number, exponent)
+            level = Trend(np.broadcast_to(trend.measurements, channels), *trend[1:])
+            found.append((*innovation[:3], *level))
+        return found
+
+    with pytest.MonkeyPatch.context() as patch:
+        for one, other in both(patch, lambda: tuple(followed())):
+            np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5 * np.abs(other).max(initial=1.0))
+
+
+@given(seed=SEEDS, layout=LAYOUTS, size=SIZES, level=LEVELS)
+def test_other_material_is_as_likely_as_by_numpy(
+    seed: int, layout: ChannelLayout, size: float, level: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    material = OtherMaterial(layout, np.diag(rng.uniform(0.0, 40.0, layout.size)), np.full(1, 1.3))
+    weights = rng.dirichlet(np.ones(len(material.start())), layout.phalanges).T
+    innovation, levels = size * rng.standard_normal(layout.size), np.full(layout.phalanges, level)
+    used = rng.integers(0, 2, layout.phalanges).astype(bool)
+    with pytest.MonkeyPatch.context() as patch:
+        found = both(patch, lambda: material.update(weights, innovation, levels, used, 0.0005, 0.3))
+        for one, other in found:
+            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+
+
+@given(seed=SEEDS, axes=st.integers(1, 3), spread=st.sampled_from([0.0, 1e-8, 1e-6, 1e-2]))
+def test_the_probability_near_a_place_is_that_of_numpy(seed: int, axes: int, spread: float) -> None:
+    rng = np.random.default_rng(seed)
+    ellipsoid = Ellipsoid(np.full(axes, 0.0075), rng.uniform(0.0, 1.0, axes) * spread)
+    away, weights = rng.uniform(-0.03, 0.03, (60, axes)), rng.dirichlet(np.ones(60))
+    with pytest.MonkeyPatch.context() as patch:
+        ((one, other),) = both(patch, lambda: ellipsoid.probability(away, weights))
+    assert one == pytest.approx(other, rel=1e-9, abs=1e-12)
+
+
+def test_an_array_of_another_type_is_refused() -> None:
+    drift = Drift(0.02, 1.0, np.ones(3))
+    with pytest.raises(ValueError, match="expected"):
+        drift.update(drift.start(4), np.zeros(3), np.zeros((4, 3)), 0.001, 1.0)
