@@ -14,7 +14,7 @@ DATA = {f"tactile_localizer.share.{folder}": folder for folder in ("config", "ms
 
 COMPILED = Extension(
     "tactile_localizer._compiled",
-    ["tactile_localizer/_compiled.c"],
+    ["src/compiled.c"],
     extra_compile_args=["-O3", "-fassociative-math", "-fno-math-errno", "-fno-signed-zeros", "-fno-trapping-math"],
     libraries=["m"],
     optional=True,

@@ -128,7 +128,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The content of a wheel that is built from an sdist."""
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
-    for name in ("tactile_localizer", "config", "msg", "requirements"):
+    for name in ("tactile_localizer", "config", "msg", "requirements", "src"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "setup.py", "package.xml", "MANIFEST.in", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
@@ -180,6 +180,32 @@ def test_a_wheel_has_every_file_of_the_package(installed: Path) -> None:
     package = ROOT / "tactile_localizer"
     own = {path.relative_to(ROOT) for path in package.rglob("*") if path.is_file() and path.suffix != ".pyc"}
     assert {path for path in own if not (installed / path).exists()} == set()
+
+
+def test_without_a_compiler_a_wheel_leaves_its_work_to_numpy(installed: Path, tmp_path: Path) -> None:
+    assert list((installed / "tactile_localizer").glob("_compiled.*.so"))
+    shutil.copytree(installed.parents[0] / "source", tmp_path / "source")
+    code = f"import setuptools.build_meta as build; build.build_wheel({str(tmp_path)!r})"
+    subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path / "source",
+        env={**os.environ, "CC": "false"},
+        check=True,
+        capture_output=True,
+        timeout=900,
+    )
+    (wheel,) = tmp_path.glob("*.whl")
+    shutil.unpack_archive(wheel, tmp_path / "plain", "zip")
+    code = "from tactile_localizer.core import compiled; print(compiled.MODULE)"
+    paths = {package: {**os.environ, "PYTHONPATH": str(package)} for package in (installed, tmp_path / "plain")}
+    found, none = (
+        subprocess.run(
+            [sys.executable, "-c", code], cwd=tmp_path, env=environment, check=True, capture_output=True, text=True
+        ).stdout
+        for environment in paths.values()
+    )
+    assert "_compiled" in found
+    assert none == "None\n"
 
 
 def test_a_wheel_without_extras_finds_what_the_source_tree_finds(
