@@ -18,7 +18,8 @@
 static bool has_size(const Py_buffer *buffer, const char *name, Py_ssize_t count, size_t size)
 {
     if (buffer->len == count * (Py_ssize_t)size) return true;
-    PyErr_Format(PyExc_ValueError, "%s: expected %zd values of %zu bytes, got %zd bytes", name, count, size, buffer->len);
+    PyErr_Format(PyExc_ValueError, "%s: expected %zd values of %zu bytes, got %zd bytes", name, count, size,
+                 buffer->len);
     return false;
 }
 
@@ -86,7 +87,8 @@ static PyObject *drift(PyObject *self, PyObject *args)
     const double *measurements = a[MEASUREMENTS].buf, *level = a[LEVEL].buf, *rate = a[RATE].buf, *prior = a[PRIOR].buf;
     const double *whitened = a[WHITENED].buf, *exponent = a[EXPONENT].buf;
     double *strain_left = a[STRAIN_LEFT].buf, *level_variance = a[LEVEL_VARIANCE].buf;
-    double *next_measurements = a[NEXT_MEASUREMENTS].buf, *next_level = a[NEXT_LEVEL].buf, *next_rate = a[NEXT_RATE].buf;
+    double *next_measurements = a[NEXT_MEASUREMENTS].buf;
+    double *next_level = a[NEXT_LEVEL].buf, *next_rate = a[NEXT_RATE].buf;
     for (int k = 0; k < ALL; k++) {
         const bool of_places = k == MAP_STRAIN || k == OF_MAP || k == LEFT || k == FOLLOWING;
         const Py_ssize_t values = k == OF_MAP || k == FOLLOWING ? 2 * size : of_places ? size : channels;
@@ -218,12 +220,13 @@ static void densities(Py_ssize_t rows, const float *restrict energy, const float
  *        bounds n (F + 1,): first channel of each phalanx;
  *        strain f (C,), transform f (C, C) or None, level f (F,), scale f (F,) or None, used bool (F,): of the strain;
  *        degrees of freedom, number of states;
- *        likelihoods d (N,), position d (P,), lengths f (F, P), information f (F, N), product f (F, N))
+ *        likelihoods d (N,), position d (P,) where there is a scale, lengths f (F, P), information f (F, N),
+ *        product f (F, N))
  */
 static PyObject *on_map(PyObject *self, PyObject *args)
 {
-    enum { SPREAD, COUNTS, STARTS, AWAY, OTHER_SPREAD, NODES, OF_MAP, MEAN, GAIN, BOUNDS, STRAIN, TRANSFORM, LEVEL, SCALE,
-           USED, LIKELIHOODS, POSITION, LENGTHS, INFORMATION, PRODUCT, ALL };
+    enum { SPREAD, COUNTS, STARTS, AWAY, OTHER_SPREAD, NODES, OF_MAP, MEAN, GAIN, BOUNDS, STRAIN, TRANSFORM, LEVEL,
+           SCALE, USED, LIKELIHOODS, POSITION, LENGTHS, INFORMATION, PRODUCT, ALL };
     Py_buffer a[ALL] = {{0}};
     Py_ssize_t states;
     float degrees;
@@ -320,7 +323,6 @@ static PyObject *on_map(PyObject *self, PyObject *args)
             product[f * places + n] = weight * of.product[first + n];
         }
     }
-    if (!scale) memcpy(position, likelihoods, (size_t)states * sizeof(double));
 end:
     PyMem_Free(memory);
     release(a, ALL);
@@ -394,7 +396,7 @@ end:
     return PyErr_Occurred() ? NULL : PyFloat_FromDouble(likelihood);
 }
 
-/* probability_within(away d (d, P), radius d (d,), sums d (3,), factors d (3, d), reach, weights d (P,)): probability */
+/* probability_within(away d (d, P), radius d (d,), sums d (3,), factors d (3, d), reach, weights d (P,)) */
 static PyObject *probability_within(PyObject *self, PyObject *args)
 {
     enum { AWAY, RADIUS, SUMS, FACTORS, WEIGHTS, ALL };
@@ -405,6 +407,7 @@ static PyObject *probability_within(PyObject *self, PyObject *args)
         return NULL;
     const Py_ssize_t axes = COUNT(a[RADIUS], double), states = COUNT(a[WEIGHTS], double);
     const double *away = a[AWAY].buf, *radius = a[RADIUS].buf, *sums = a[SUMS].buf, *factors = a[FACTORS].buf;
+    const double *weights = a[WEIGHTS].buf;
     const bool fits = HAS(AWAY, axes * states, double) && HAS(SUMS, 3, double) && HAS(FACTORS, 3 * axes, double);
     for (Py_ssize_t n = 0; fits && n < states; n++) {
         double length = 0.0, first = sums[0], second = sums[1], third = sums[2]; /* cumulants of the quadratic form */
@@ -417,9 +420,9 @@ static PyObject *probability_within(PyObject *self, PyObject *args)
         }
         if (!(length <= reach)) continue;
         const double power = 1.0 - first * third * (2.0 / 3.0) / (second * second), scale = second / (first * first);
-        double deviate = (pow(first, -power) - 1.0 - scale * power * (power - 1.0)) / (power * sqrt(2.0 * scale));
-        deviate = deviate > -8.0 ? (deviate < 8.0 ? deviate : 8.0) : -8.0;
-        probability += ((const double *)a[WEIGHTS].buf)[n] / (1.0 + exp(-deviate * (1.5976 + 0.07056 * (deviate * deviate))));
+        const double deviate = (pow(first, -power) - 1.0 - scale * power * (power - 1.0)) / (power * sqrt(2.0 * scale));
+        /* The normal distribution function, within 0.0002. */
+        probability += weights[n] / (1.0 + exp(-deviate * (1.5976 + 0.07056 * (deviate * deviate))));
     }
     release(a, ALL);
     return fits ? PyFloat_FromDouble(probability) : NULL;
@@ -427,7 +430,7 @@ static PyObject *probability_within(PyObject *self, PyObject *args)
 
 static PyMethodDef METHODS[] = {
     {"map_at", map_at, METH_VARARGS, "Nodes nearest to places, and the strain there."},
-    {"drift", drift, METH_VARARGS, "What of a strain, and of the map, their trends do not predict; the trends after it."},
+    {"drift", drift, METH_VARARGS, "What of a strain and of the map their trends do not predict, and trends after it."},
     {"on_map", on_map, METH_VARARGS, "Likelihoods of a strain at places of the map."},
     {"off_map", off_map, METH_VARARGS, "Log-likelihood of a strain on other material, and the weights after it."},
     {"probability_within", probability_within, METH_VARARGS, "Probability that the hand is within an ellipsoid."},

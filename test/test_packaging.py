@@ -197,10 +197,17 @@ def test_without_a_compiler_a_wheel_leaves_its_work_to_numpy(installed: Path, tm
     (wheel,) = tmp_path.glob("*.whl")
     shutil.unpack_archive(wheel, tmp_path / "plain", "zip")
     code = "from tactile_localizer.core import compiled; print(compiled.MODULE)"
-    paths = {package: {**os.environ, "PYTHONPATH": str(package)} for package in (installed, tmp_path / "plain")}
+    paths = {
+        package: {**os.environ, "PYTHONPATH": str(package)} for package in (installed, tmp_path / "plain")
+    }
     found, none = (
         subprocess.run(
-            [sys.executable, "-c", code], cwd=tmp_path, env=environment, check=True, capture_output=True, text=True
+            [sys.executable, "-c", code],
+            cwd=tmp_path,
+            env=environment,
+            check=True,
+            capture_output=True,
+            text=True,
         ).stdout
         for environment in paths.values()
     )

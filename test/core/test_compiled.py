@@ -18,7 +18,7 @@ from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 
 SEEDS = st.integers(0, 2**32 - 1)
-LAYOUTS = st.sampled_from([ChannelLayout(counts) for counts in ((8, 8), (3, 5, 1), (1,), (16, 2), (8,) * 14)])
+LAYOUTS = st.sampled_from([ChannelLayout(counts) for counts in ((8, 8), (3, 5, 1), (1,), (40, 2), (8,) * 14)])
 SIZES = st.sampled_from([1e-3, 1.0, 100.0, 1e6, 1e9])
 """Of whitened strains; larger ones are clipped."""
 LEVELS = st.sampled_from([0.0, 1.0, 1e9])
@@ -92,10 +92,28 @@ def test_likelihoods_on_the_map_are_those_of_numpy(
         for name, (one, other) in zip(names, found, strict=True):
             assert one.dtype == other.dtype, name
             assert np.isfinite(one).all(), name
+            assert name not in ("squared", "information") or (one >= 0.0).all(), name
             if signal <= 100.0:  # of larger ones float32 leaves no difference from the strain
                 rough = 1e-4 + 2e-6 * signal**2  # the residual is the difference of squared signals
                 largest = np.abs(other).max(initial=1.0)
                 np.testing.assert_allclose(one, other, rtol=rough, atol=rough * largest, err_msg=name)
+
+
+def test_a_component_that_is_likelier_than_any_number_leaves_finite_likelihoods() -> None:
+    """The first component of 40 channels is 1e8 widths away, another one is felt: a thousand nats."""
+    layout, mean = ChannelLayout((40,)), np.zeros((1, 2, 40), dtype=np.float32)
+    mean[:, 0] = 1e8
+    tables = mean, np.ones((1, 2, 1), dtype=np.float32), np.log(np.full((1, 2), 0.5, dtype=np.float32))
+    one = np.ones(1)
+    model = MapLikelihood(StrainMap(one, one, (1,), *tables, 0.1, np.zeros((1, 40))), layout)
+    felt = Felt(np.zeros(40, dtype=np.float32), np.zeros(1, dtype=np.float32), None)
+    gain = Gain(np.ones((1, 1), dtype=np.float32), np.zeros((1, 1), dtype=np.float32))
+    nodes, of_map = model.expected(one[:, None])
+    with pytest.MonkeyPatch.context() as patch:
+        given = felt, nodes, 1, of_map, gain, one, one.astype(bool)
+        for by_module, by_numpy in both(patch, lambda: model.of(*given)):
+            assert np.isfinite(by_module).all()
+            np.testing.assert_allclose(by_module, by_numpy, rtol=1e-5)
 
 
 @given(
@@ -120,7 +138,7 @@ def test_drifts_are_followed_as_by_numpy(
         found, trend = [], drift.start(places)
         for number, (strain, of_map) in enumerate(zip(strains, expected, strict=True)):
             exponent = 0.3 if number % 2 else np.linspace(0.1, 1.0, channels)
-            innovation, trend = drift.update(trend, strain, of_map, 0.001 * number, exponent)
+            innovation, trend = drift.update(trend, strain, of_map, 0.01 * number, exponent)
             level = Trend(np.broadcast_to(trend.measurements, channels), *trend[1:])
             found.append((*innovation[:3], *level))
         return found
