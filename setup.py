@@ -12,10 +12,11 @@ MANIFEST = ElementTree.parse(Path(__file__).with_name("package.xml")).getroot()
 DATA = {f"tactile_localizer.share.{folder}": folder for folder in ("config", "msg")}
 """Where :func:`tactile_localizer.resources.resource_path` finds the folders of the source tree."""
 
+AS_VECTORS = ("-fassociative-math", "-fno-math-errno", "-fno-signed-zeros", "-fno-trapping-math")
 COMPILED = Extension(
     "tactile_localizer._compiled",
     ["src/compiled.c"],
-    extra_compile_args=["-O3", "-fassociative-math", "-fno-math-errno", "-fno-signed-zeros", "-fno-trapping-math"],
+    extra_compile_args=["-O3", *AS_VECTORS],
     libraries=["m"],
     optional=True,
 )

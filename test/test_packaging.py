@@ -183,36 +183,21 @@ def test_a_wheel_has_every_file_of_the_package(installed: Path) -> None:
 
 
 def test_without_a_compiler_a_wheel_leaves_its_work_to_numpy(installed: Path, tmp_path: Path) -> None:
-    assert list((installed / "tactile_localizer").glob("_compiled.*.so"))
-    shutil.copytree(installed.parents[0] / "source", tmp_path / "source")
-    code = f"import setuptools.build_meta as build; build.build_wheel({str(tmp_path)!r})"
-    subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path / "source",
-        env={**os.environ, "CC": "false"},
-        check=True,
-        capture_output=True,
-        timeout=900,
-    )
-    (wheel,) = tmp_path.glob("*.whl")
-    shutil.unpack_archive(wheel, tmp_path / "plain", "zip")
-    code = "from tactile_localizer.core import compiled; print(compiled.MODULE)"
-    paths = {
-        package: {**os.environ, "PYTHONPATH": str(package)} for package in (installed, tmp_path / "plain")
-    }
-    found, none = (
-        subprocess.run(
-            [sys.executable, "-c", code],
-            cwd=tmp_path,
-            env=environment,
-            check=True,
-            capture_output=True,
-            text=True,
+    plain, source = tmp_path / "plain", installed.parent / "source"
+
+    def run(code: str, folder: Path, **variables: str) -> str:
+        command, environment = [sys.executable, "-c", code], {**os.environ, **variables}
+        return subprocess.run(
+            command, cwd=folder, env=environment, check=True, capture_output=True, text=True, timeout=900
         ).stdout
-        for environment in paths.values()
-    )
-    assert "_compiled" in found
-    assert none == "None\n"
+
+    shutil.copytree(source, tmp_path / "source")
+    build = f"import setuptools.build_meta as build; build.build_wheel({str(tmp_path)!r})"
+    run(build, tmp_path / "source", CC="false")
+    shutil.unpack_archive(next(tmp_path.glob("*.whl")), plain, "zip")
+    code = "from tactile_localizer.core import compiled; print(compiled.MODULE)"
+    assert "_compiled" in run(code, tmp_path, PYTHONPATH=str(installed))
+    assert run(code, tmp_path, PYTHONPATH=str(plain)) == "None\n"
 
 
 def test_a_wheel_without_extras_finds_what_the_source_tree_finds(
