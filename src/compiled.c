@@ -163,13 +163,17 @@ static inline float fast_log(float x)
     return (float)exponent * 0.693147182f + (f - 0.5f * f * f + f * f * f * q);
 }
 
-/* Matrix (C, C) times vector (C,). */
-static void multiply(const float *matrix, const float *vector, Py_ssize_t channels, float *result)
+/* Adds to sum (C,) a row vector (C,) times a matrix (C, C) that has an upper triangle for each phalanx. */
+static void add_product(const float *restrict vector, const float *restrict matrix, const intptr_t *bounds,
+                        Py_ssize_t phalanges, float *restrict sum)
 {
-    for (Py_ssize_t row = 0; row < channels; row++) {
-        float sum = 0.0f;
-        for (Py_ssize_t c = 0; c < channels; c++) sum += matrix[row * channels + c] * vector[c];
-        result[row] = sum;
+    for (Py_ssize_t f = 0; f < phalanges; f++) {
+        const intptr_t begin = bounds[f], width = bounds[f + 1] - begin;
+        for (intptr_t row = 0; row < width; row++) {
+            const float *factors = matrix + (begin + row) * bounds[phalanges] + begin;
+            /* From an eighth on, so that the usual eight channels are one vector. */
+            for (intptr_t c = row & ~7; c < width; c++) sum[begin + c] += vector[begin + row] * factors[c];
+        }
     }
 }
 
@@ -216,9 +220,10 @@ static void densities(Py_ssize_t rows, const float *restrict energy, const float
 }
 
 /* on_map(spread f (F + 1, M), counts n (M,), starts n (M,), away f (n, C), other_spread f (F + 1, n): components;
- *        nodes n (N,), of_map f (N, C), mean f (F, N), gain f (F, N): of the places;
+ *        nodes n (N,), of_map f (N, C) whitened as the strain, mean f (F, N), gain f (F, N): of the places;
  *        bounds n (F + 1,): first channel of each phalanx;
- *        strain f (C,), transform f (C, C) or None, level f (F,), scale f (F,) or None, used bool (F,): of the strain;
+ *        strain f (C,), transform f (C, C) that whitens rows as the strain, an upper triangle for each phalanx,
+ *        or None, level f (F,), scale f (F,) or None, used bool (F,): of the strain;
  *        degrees of freedom, number of states;
  *        likelihoods d (N,), position d (P,) where there is a scale, lengths f (F, P), information f (F, N),
  *        product f (F, N))
@@ -257,7 +262,7 @@ static PyObject *on_map(PyObject *self, PyObject *args)
         goto end;
     for (Py_ssize_t n = 0; n < states; n++) others += counts[node_of[n]];
     const Py_ssize_t rows = others + places, size = phalanges * rows;
-    memory = PyMem_Malloc((size_t)(PER_RESIDUAL * size + rows + 2 * channels) * sizeof(float));
+    memory = PyMem_Malloc((size_t)(PER_RESIDUAL * size + rows + channels) * sizeof(float));
     if (!memory) {
         PyErr_NoMemory();
         goto end;
@@ -269,21 +274,18 @@ static PyObject *on_map(PyObject *self, PyObject *args)
                           memory + 4 * size,
                           memory + 5 * size,
                           memory + 6 * size};
-    float *log_prior = memory + PER_RESIDUAL * size, *moved = log_prior + rows, *whitened = moved + channels;
+    float *log_prior = memory + PER_RESIDUAL * size, *moved = log_prior + rows;
     for (Py_ssize_t n = 0, row = 0; n < places; n++) {
         const float *of_map = (const float *)a[OF_MAP].buf + n * channels;
         const intptr_t node = node_of[n], count = n < states ? counts[node] : 0; /* of anchors the first alone */
         for (intptr_t k = -1; k < count; k++) {                                  /* the first component, the others */
             const intptr_t other = starts[node] + k;
             const Py_ssize_t at = k < 0 ? others + n : row++;
-            const float *signal = of_map;
+            const float *signal = of_map, *more = away + other * channels;
             if (k >= 0) {
-                for (Py_ssize_t c = 0; c < channels; c++) moved[c] = of_map[c] + away[other * channels + c];
+                for (Py_ssize_t c = 0; c < channels; c++) moved[c] = of_map[c] + (transform ? 0.0f : more[c]);
+                if (transform) add_product(more, transform, bounds, phalanges, moved);
                 signal = moved;
-            }
-            if (transform) {
-                multiply(transform, signal, channels, whitened);
-                signal = whitened;
             }
             for (Py_ssize_t f = 0; f < phalanges; f++) {
                 const float visit = k < 0 ? spread[f * nodes + node] : other_spread[f * all_others + other];

@@ -79,7 +79,8 @@ def test_likelihoods_on_the_map_are_those_of_numpy(
     rng = np.random.default_rng(seed)
     model = MapLikelihood(random_map(rng, layout, 9, size=signal), layout)
     states, places, phalanges = int(rng.integers(0, 12)), 15, layout.phalanges
-    transform = (np.eye(layout.size) + 0.1 * np.tri(layout.size)).astype(np.float32) if flags & 1 else None
+    blocks = np.equal.outer(layout.phalanx, layout.phalanx) * np.tri(layout.size).T
+    transform = (np.eye(layout.size) + 0.1 * blocks).astype(np.float32) if flags & 1 else None
     scale = rng.uniform(0.1, 9.0, phalanges) if flags & 2 else np.ones(phalanges)
     used = rng.integers(0, 2, phalanges).astype(bool) if flags & 4 else np.ones(phalanges, dtype=bool)
     nodes, of_map = model.expected(rng.uniform(-1.0, 1.0, (places, 1)))

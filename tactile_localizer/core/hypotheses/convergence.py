@@ -64,9 +64,9 @@ class Ellipsoid:
         0.01, above 0.98 within 0.001.
         """
         if compiled.MODULE is not None:
-            by_axis = np.ascontiguousarray(away.T)
+            by_axis, each = (np.ascontiguousarray(one, dtype=np.float64) for one in (away.T, weights))
             given = self._radius, self._sums, self._factors, self._reach
-            return float(compiled.MODULE.probability_within(by_axis, *given, weights))
+            return float(compiled.MODULE.probability_within(by_axis, *given, each))
         squared = np.square(away.T / self._radius)
         near = (np.add.reduce(squared) <= self._reach).nonzero()[0]
         # Cumulants of the quadratic form.

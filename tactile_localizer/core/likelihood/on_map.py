@@ -77,7 +77,8 @@ class Felt(NamedTuple):
     ----------
     strain : (C,) float32, its innovation, whitened
     level_variance : (F,) float32, of its level
-    transform : (C, C) float32, by which the map is whitened as the strain; ``None``: it is
+    transform : (C, C) float32, an upper triangle for each phalanx, whose product with strains (n, C) of the map
+        whitens these as the strain; ``None``: they are
     """
 
     strain: np.ndarray
@@ -222,6 +223,8 @@ class MapLikelihood:
         likelihoods, position = np.empty(count), np.empty(states)
         lengths = np.empty((phalanges, states), dtype=np.float32)
         information, product = np.empty((2, phalanges, count), dtype=np.float32)
+        if felt.transform is not None:
+            of_map = of_map @ felt.transform
         there = nodes, of_map, *gain, self._bounds
         whitened = felt.strain, felt.transform, felt.level_variance, scale, used
         found = likelihoods, position, lengths, information, product
@@ -275,7 +278,7 @@ class MapLikelihood:
             mean, spread = (np.concatenate([each.take(place, axis=1), each], axis=1) for each in gain)
         variance, log_prior = table[:-1], table[-1]
         if felt.transform is not None:
-            signal = signal @ felt.transform.T
+            signal = signal @ felt.transform
         variance += felt.level_variance[:, None]
         residual = of_strain - signal
         energy = self._rows @ np.square(signal).T

@@ -62,7 +62,8 @@ class SweepMixture:
         volume = [np.log(np.diag(transform)[own]).sum() for own in self.noise.layout.slices]
         model.noise = replace(self.noise, log_volume=self.noise.log_volume + np.array(volume))
         model.excess = excess
-        model._transform, model.other = transform.astype(np.float32), self.other.transformed(transform)
+        model.other = self.other.transformed(transform)
+        model._transform = np.ascontiguousarray(transform.T, dtype=np.float32)
         return model
 
     def innovation(
@@ -113,7 +114,7 @@ class SweepMixture:
         """Innovation (C,) of a strain from featureless material, and the variance (F,) of its level."""
         of_strain = innovation.of_strain
         if self._transform is not None:
-            of_strain = self._transform @ of_strain
+            of_strain = of_strain @ self._transform
         return of_strain, self.noise.layout.mean(innovation.level_variance)
 
     def on_map(
@@ -138,7 +139,7 @@ class SweepMixture:
         """
         of_strain, transform = innovation.of_strain.astype(np.float32), self._transform
         if transform is not None:
-            of_strain = transform @ of_strain
+            of_strain = of_strain @ transform
         level_variance = self.noise.layout.mean(innovation.level_variance).astype(np.float32)
         felt = Felt(of_strain, level_variance, transform)
         return self._map_likelihood.of(felt, nodes, states, innovation.of_map, gain, scale, used)
