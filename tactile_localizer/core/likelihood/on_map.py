@@ -77,8 +77,8 @@ class Felt(NamedTuple):
     ----------
     strain : (C,) float32, its innovation, whitened
     level_variance : (F,) float32, of its level
-    transform : (C, C) float32, an upper triangle for each phalanx, whose product with strains (n, C) of the map
-        whitens these as the strain; ``None``: they are
+    transform : (C, C) float32, an upper triangle for each phalanx, whose product with strains (n, C) of the
+        map whitens these as the strain; ``None``: they are
     """
 
     strain: np.ndarray
