@@ -29,7 +29,7 @@ class SweepModel(NamedTuple):
 
     Parameters
     ----------
-    scan : the whitened scan
+    scan : the whitened scan, without the strain to which the variance was fitted
     variance : variance model
     """
 
@@ -57,8 +57,8 @@ class SweepModel(NamedTuple):
         """The model of some ``points`` (n,) bool of the scan's tracks, with noise and variance of all."""
         scan = self.scan
         tracks, of = scan.tracks.part(points)
-        kept = {name: getattr(scan, name)[points] for name in ("strain", "signal")}
-        return self._replace(scan=scan._replace(tracks=tracks, held_out=None, levels=scan.levels[of], **kept))
+        kept = scan._replace(tracks=tracks, held_out=None, levels=scan.levels[of], signal=scan.signal[points])
+        return self._replace(scan=kept)
 
     def _other(self, scene: Scene, table: StrainMap) -> OtherMaterial:
         """The alternative to a map."""
@@ -92,12 +92,15 @@ def learn_sweep_model(
     SceneError
         The scene names an axis or a phalanx that the scan does not have.
     """
-    whitened = whiten(Visits.of(scan, scene), material)
-    return SweepModel(whitened, variance or fit_variance(whitened))
+    return _fitted(whiten(Visits.of(scan, scene), material), variance)
 
 
 def learn_sweep_models(scan: Scan, scene: Scene, kinds: Sequence[Material]) -> list[SweepModel]:
     """Those of several ``kinds`` of material, with the arguments and errors of :func:`learn_sweep_model`."""
     visits = Visits.of(scan, scene)
-    scans = [whiten(visits, kind) for kind in kinds]
-    return [SweepModel(each, fit_variance(each)) for each in scans]
+    return [_fitted(whiten(visits, kind)) for kind in kinds]
+
+
+def _fitted(scan: WhitenedScan, variance: VarianceModel | None = None) -> SweepModel:
+    """The model of a scan, whose strain is as large as all else, and not needed any more."""
+    return SweepModel(scan._replace(strain=None), variance or fit_variance(scan))

@@ -87,7 +87,7 @@ class WhitenedScan(NamedTuple):
     noise : the noise model
     levels : (S, C) V, by which each track's strains are moved, but for what turns with yaw; zero where no
         level is known
-    strain : (n, W) of the tracks' points, whitened, without the levels
+    strain : (n, W) of the tracks' points, whitened, without the levels; ``None``: not kept
     signal : (n, W) its reproducible part: exactly zero where nothing is reproducible
     """
 
@@ -97,7 +97,7 @@ class WhitenedScan(NamedTuple):
     material: Material
     noise: NoiseModel
     levels: np.ndarray
-    strain: np.ndarray
+    strain: np.ndarray | None
     signal: np.ndarray
 
 

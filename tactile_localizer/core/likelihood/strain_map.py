@@ -131,6 +131,7 @@ def fit_variance(scan: WhitenedScan) -> VarianceModel:
     """Maximum-likelihood variance model of each sweep of the scan given the others, by EM."""
     if scan.held_out is None:
         return VarianceModel()
+    assert scan.strain is not None
     layout, material = scan.noise.layout, scan.material
     points, slices, interpolation = scan.held_out
     first = interpolation.best(1).expected(scan.signal)

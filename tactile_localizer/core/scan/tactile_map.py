@@ -96,5 +96,6 @@ def make_map(scan: Scan, scene: Scene, tracks: Tracks | None = None) -> TactileM
     element, times = np.ones([3] * shown), math.ceil(reach / step)
     near = binary_erosion(binary_dilation(near, element, times), element, times, border_value=1)
     values[~near.ravel()] = math.nan
-    background = np.median(scan.strain_on(scene), axis=0)
+    # A channel at a time: all at once are sorted in a copy.
+    background = np.array([np.median(each) for each in scan.strain_on(scene).T])
     return TactileMap(scene, grid, values.reshape(*counts, -1), background)

@@ -124,7 +124,6 @@ def test_a_part_keeps_its_points_and_the_noise_and_variance_of_all() -> None:
     assert part.variance is of.variance
     assert part.scan.noise is of.scan.noise
     assert part.scan.held_out is None
-    np.testing.assert_array_equal(part.scan.strain, of.scan.strain[kept])
     np.testing.assert_array_equal(part.scan.signal, of.scan.signal[kept])
     np.testing.assert_array_equal(part.scan.tracks.positions, tracks.positions[kept])
     np.testing.assert_array_equal(part.scan.levels, levels[1:])
