@@ -239,9 +239,13 @@ class LoadCell:
                 self._is_common = True
 
     def _forget(self) -> None:
-        """Forget which values of the counters belong together, unless they were seen to be a common one."""
-        for stream in () if self._is_common else self.streams:
-            stream.lead = None
+        """Forget which values of the counters belong together, unless they are equal, or were seen to be one.
+
+        When the load cell or who receives its frames is held up, the time shows anything.
+        """
+        if not self._is_common and any(stream.lead for stream in self.streams):
+            for stream in self.streams:
+                stream.lead = None
 
     def gap_ns(self) -> int:
         """Gap before the newest sample, ns; 0: unknown."""

@@ -338,3 +338,21 @@ def test_nothing_is_lost_of_a_sender_that_is_put_aside_again_and_again(
     assert [(one.drops, one.jumps) for one in counts] == [(0, 0)] * 2
     assert min(one.samples for one in counts) >= 97
     assert len(cycles) <= 103
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (0, 2, 1, 3)], ids=["in turn", "mixed"])
+@pytest.mark.parametrize("seed", range(4))
+def test_once_counters_were_equal_no_sample_is_of_two_however_long_a_sender_is_put_aside(
+    seed: int, order: tuple[int, ...]
+) -> None:
+    rng = np.random.default_rng(seed)
+    frames, stamp_ns = [], START_NS
+    for n in range(100):
+        stamp_ns = max(stamp_ns, START_NS + n * PERIOD_NS)
+        for k in order:
+            stalls = rng.random(2) < 0.15 * (n >= 20)
+            stamp_ns += int(rng.uniform(2e4, 3e5) + stalls.sum() * rng.exponential(3 * PERIOD_NS))
+            frames.append(sent_at(FRAMES[4 * n + k], stamp_ns))
+    for phalanx in zip(*samples(assembled(frames, CycleAssembler(HAND))), strict=True):
+        received = [number for number in phalanx if number is not None]
+        assert received == [*range(received[0], 100)]
