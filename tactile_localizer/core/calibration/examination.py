@@ -219,9 +219,9 @@ class _Kind:
     def refine(self) -> None:
         """Choose among the best length and its neighbours by all trials, then by false claims.
 
-        The next longer lengths are tried where there are more of these than by chance: among the claims on
-        the map, few as they may be, or in all trials, of which those off the map should have none. Where they
-        are as many at all lengths, the material resembles itself.
+        The next longer lengths are tried where there are more of these than the threshold concedes: among the
+        claims on the map, few as they may be, or in all trials, of which those off the map should have none.
+        Where they are as many at all lengths, the material resembles itself.
         """
         tried = [each for each in (self.choice - 1, self.choice + 1) if (each, True) in self._outcomes]
         scores = self._scores(self.choice, _FEW)
@@ -230,7 +230,7 @@ class _Kind:
         for choice in range(self.choice, len(LENGTHS)):
             on_map, off_map = (self._localized(choice, each) for each in (True, False))
             claims = [each for each in on_map if each.converged]
-            if _are_by_chance(claims) and _are_by_chance(on_map + off_map):
+            if _are_conceded(claims) and _are_conceded(on_map + off_map):
                 self.choice = choice
                 break
 
@@ -272,21 +272,18 @@ def _is_distinct(differences: np.ndarray, errors: float) -> bool:
     return _beyond(differences, errors) and abs(differences.mean()) > _CONCEDED
 
 
-def _are_by_chance(outcomes: Sequence[Outcome]) -> bool:
-    """Whether so many of them are ever wrong as the threshold of convergence explains."""
-    return sum(each.wrong for each in outcomes) <= by_chance(len(outcomes))
+def _are_conceded(outcomes: Sequence[Outcome]) -> bool:
+    """Whether no more of them are ever wrong than the threshold of convergence concedes."""
+    return sum(each.wrong for each in outcomes) <= conceded(len(outcomes))
 
 
-def by_chance(trials: int) -> int:
-    """False claims in so many trials that the threshold of convergence explains.
+def conceded(claims: int) -> int:
+    """False ones among so many claims that the threshold of convergence concedes.
 
-    More of them would come in one of twenty scans, where each claim is wrong as often as it concedes.
+    Not as many as may come by chance: of 96 trials these would be six, and material on which twice as many
+    claims are wrong as is said would pass as often as not.
     """
-    wrong, total, claims = 1.0 - Configuration().convergence_probability, 0.0, -1
-    while total < 0.95:
-        claims += 1
-        total += math.comb(trials, claims) * wrong**claims * (1.0 - wrong) ** (trials - claims)
-    return claims
+    return round(claims * (1.0 - Configuration().convergence_probability))
 
 
 def _ignorance(scene: Scene, radius: np.ndarray) -> tuple[float, tuple[float, ...]]:

@@ -16,7 +16,7 @@ from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.calibration.examination import (
     UNEXAMINED,
     Examination,
-    by_chance,
+    conceded,
     examine,
 )
 from tactile_localizer.core.calibration.sweep_model import SweepModel, learn_sweep_model
@@ -64,7 +64,7 @@ def test_where_places_cannot_be_distinguished_none_is_claimed(examined: tuple[fl
     slope, examination = examined
     right = sum(each.right for each in examination.on_map)
     wrong = sum(each.wrong for each in examination.outcomes)
-    assert wrong <= (by_chance(len(examination.outcomes)) if slope else 0)
+    assert wrong <= (conceded(len(examination.outcomes)) if slope else 0)
     assert right > 0.5 * len(examination.on_map) if slope else right == 0
 
 
@@ -157,7 +157,7 @@ def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.M
 
 @pytest.mark.parametrize(("more", "chosen"), [(0, 0.0017), (1, 0.005)])
 @pytest.mark.parametrize(("on_map", "count"), [(True, 12), (False, 2 * module._TRIALS)])
-def test_a_length_with_more_false_claims_than_chance_is_not_chosen(
+def test_a_length_with_more_false_claims_than_are_conceded_is_not_chosen(
     monkeypatch: pytest.MonkeyPatch,
     models: list[SweepModel],
     on_map: bool,
@@ -166,7 +166,7 @@ def test_a_length_with_more_false_claims_than_chance_is_not_chosen(
     chosen: float,
 ) -> None:
     """Of the few claims on the map, or off it of all trials; of the others the score on the map decides."""
-    made, false = Counter[tuple[Material, float, bool]](), more + by_chance(count)
+    made, false = Counter[tuple[Material, float, bool]](), more + conceded(count)
     score = {0.0017: -0.9, 0.003: -1.0, 0.005: -1.1}
 
     def localized(trial: Trial, length: float) -> Outcome:
