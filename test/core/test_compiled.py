@@ -13,7 +13,7 @@ from tactile_localizer.core import compiled
 from tactile_localizer.core.hypotheses.convergence import Ellipsoid
 from tactile_localizer.core.likelihood.drift import Drift, Trend
 from tactile_localizer.core.likelihood.gain import Gain
-from tactile_localizer.core.likelihood.on_map import Felt, MapLikelihood
+from tactile_localizer.core.likelihood.on_map import Felt, MapLikelihood, Places
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 
@@ -81,15 +81,15 @@ def test_likelihoods_on_the_map_are_those_of_numpy(
     states, places, phalanges = int(rng.integers(0, 12)), 15, layout.phalanges
     blocks = np.equal.outer(layout.phalanx, layout.phalanx) * np.tri(layout.size).T
     transform = (np.eye(layout.size) + 0.1 * blocks).astype(np.float32) if flags & 1 else None
-    scale = rng.uniform(0.1, 9.0, phalanges) if flags & 2 else np.ones(phalanges)
+    scale = rng.uniform(1.0, 9.0, phalanges).astype(np.float32) if flags & 2 else None
     used = rng.integers(0, 2, phalanges).astype(bool) if flags & 4 else np.ones(phalanges, dtype=bool)
     nodes, of_map = model.expected(rng.uniform(-1.0, 1.0, (places, 1)))
     gain = Gain(*rng.uniform(0.05, 1.0, (2, phalanges, places)).astype(np.float32))
     strain = (of_map[0] + size * rng.standard_normal(layout.size)).astype(np.float32)
-    felt = Felt(strain, np.full(phalanges, level, dtype=np.float32), transform)
+    felt = Felt(strain, np.full(phalanges, level, dtype=np.float32), transform, scale, used)
     names = ("states", "anchors", "position", "squared", "information", "product")
     with pytest.MonkeyPatch.context() as patch, np.errstate(over="ignore"):
-        found = both(patch, lambda: model.of(felt, nodes, states, of_map, gain, scale, used))
+        found = both(patch, lambda: model.of(felt, Places(nodes, states, of_map, gain)))
         for name, (one, other) in zip(names, found, strict=True):
             assert one.dtype == other.dtype, name
             assert np.isfinite(one).all(), name
@@ -107,12 +107,12 @@ def test_a_component_that_is_likelier_than_any_number_leaves_finite_likelihoods(
     tables = mean, np.ones((1, 2, 1), dtype=np.float32), np.log(np.full((1, 2), 0.5, dtype=np.float32))
     one = np.ones(1)
     model = MapLikelihood(StrainMap(one, one, (1,), *tables, 0.1, np.zeros((1, 40))), layout)
-    felt = Felt(np.zeros(40, dtype=np.float32), np.zeros(1, dtype=np.float32), None)
+    zero, used = np.zeros(40, dtype=np.float32), np.ones(1, dtype=bool)
+    felt = Felt(zero, zero[:1], None, None, used)
     gain = Gain(np.ones((1, 1), dtype=np.float32), np.zeros((1, 1), dtype=np.float32))
     nodes, of_map = model.expected(one[:, None])
     with pytest.MonkeyPatch.context() as patch:
-        given = felt, nodes, 1, of_map, gain, one, one.astype(bool)
-        for by_module, by_numpy in both(patch, lambda: model.of(*given)):
+        for by_module, by_numpy in both(patch, lambda: model.of(felt, Places(nodes, 1, of_map, gain))):
             assert np.isfinite(by_module).all()
             np.testing.assert_allclose(by_module, by_numpy, rtol=1e-5)
 

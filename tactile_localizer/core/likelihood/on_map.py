@@ -77,13 +77,35 @@ class Felt(NamedTuple):
     ----------
     strain : (C,) float32, its innovation, whitened
     level_variance : (F,) float32, of its level
-    transform : (C, C) float32, an upper triangle for each phalanx, whose product with strains (n, C) of the
-        map whitens these as the strain; ``None``: they are
+    transform : (C, C) float32: ``of_map @ transform`` is whitened as the strain is; it has an upper triangle
+        for each phalanx. ``None``: the map is whitened alike
+    scale : (F,) float32, at least one, of the squared residuals of the sweep, in those of the scan; ``None``:
+        all one
+    used : (F,) bool, phalanges that count
     """
 
     strain: np.ndarray
     level_variance: np.ndarray
     transform: np.ndarray | None
+    scale: np.ndarray | None
+    used: np.ndarray
+
+
+class Places(NamedTuple):
+    """N places, of which the first P are states and the others anchors.
+
+    Parameters
+    ----------
+    nodes : (N,) of the map, nearest to the places
+    states : their number P
+    of_map : (N, C) float32, innovation of the first component there
+    gain : of the sweep's signal along the trajectories to these places
+    """
+
+    nodes: np.ndarray
+    states: int
+    of_map: np.ndarray
+    gain: Gain
 
 
 class OnMap(NamedTuple):
@@ -182,43 +204,13 @@ class MapLikelihood:
         compiled.MODULE.map_at(by_axis, lattice.origin, lattice.step, self._shape, table, nodes, strain)
         return nodes, strain
 
-    def of(
-        self,
-        felt: Felt,
-        nodes: np.ndarray,
-        states: int,
-        of_map: np.ndarray,
-        gain: Gain,
-        scale: np.ndarray,
-        used: np.ndarray,
-    ) -> OnMap:
-        """Likelihoods of a strain at N places, of which the first P are states and the others anchors.
+    def of(self, felt: Felt, places: Places) -> OnMap:
+        """Likelihoods of a strain at places of the map."""
+        return self._by_numpy(felt, places) if compiled.MODULE is None else self._compiled(felt, places)
 
-        Parameters
-        ----------
-        felt : the strain
-        nodes : (N,) of the map, nearest to the places
-        states : their number P
-        of_map : (N, C) float32, innovation of the first component there
-        gain : of the sweep's signal along the trajectories to these N places
-        scale : (F,) of the squared residuals of the sweep, in those of the scan
-        used : (F,) bool, phalanges that count
-        """
-        more = np.maximum(scale, 1.0).astype(np.float32) if (scale > 1.0).any() else None
-        by = self._by_numpy if compiled.MODULE is None else self._compiled
-        return by(felt, nodes, states, of_map, gain, more, used)
-
-    def _compiled(
-        self,
-        felt: Felt,
-        nodes: np.ndarray,
-        states: int,
-        of_map: np.ndarray,
-        gain: Gain,
-        scale: np.ndarray | None,
-        used: np.ndarray,
-    ) -> OnMap:
+    def _compiled(self, felt: Felt, places: Places) -> OnMap:
         assert compiled.MODULE is not None
+        (nodes, states, of_map, gain), scale, used = places, felt.scale, felt.used
         count, phalanges = len(nodes), len(used)
         likelihoods, position = np.empty(count), np.empty(states)
         lengths = np.empty((phalanges, states), dtype=np.float32)
@@ -234,17 +226,9 @@ class MapLikelihood:
         position = at_states if scale is None else position
         return OnMap(at_states, likelihoods[states:], position, lengths, information, product)
 
-    def _by_numpy(
-        self,
-        felt: Felt,
-        nodes: np.ndarray,
-        states: int,
-        of_map: np.ndarray,
-        gain: Gain,
-        scale: np.ndarray | None,
-        used: np.ndarray,
-    ) -> OnMap:
-        residuals = self._residuals(felt, nodes, states, of_map, gain)
+    def _by_numpy(self, felt: Felt, places: Places) -> OnMap:
+        states, scale, used = places.states, felt.scale, felt.used
+        residuals = self._residuals(felt, places)
         variance, channels = residuals.variance, self._channels
         likelihoods, lengths = residuals.likelihoods(variance, channels, used)
         at_states = position = likelihoods[:states]
@@ -259,10 +243,9 @@ class MapLikelihood:
         )
         return OnMap(at_states, likelihoods[states:], position, squared, information, product)
 
-    def _residuals(
-        self, felt: Felt, nodes: np.ndarray, states: int, of_map: np.ndarray, gain: Gain
-    ) -> _Residuals:
-        """Residuals of a strain from the components at states and anchors; see :meth:`of`."""
+    def _residuals(self, felt: Felt, places: Places) -> _Residuals:
+        """Residuals of a strain from the components at states and anchors."""
+        nodes, states, of_map, gain = places
         components, signal, of_strain, (mean, spread) = self._components, of_map, felt.strain, gain
         table = components.spread.take(nodes, axis=1)
         table[-1, states:] = 0.0  # anchors: the first component alone

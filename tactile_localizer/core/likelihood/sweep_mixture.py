@@ -11,7 +11,7 @@ from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend
 from tactile_localizer.core.likelihood.gain import LEAST_VARIANCE, Gain
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
-from tactile_localizer.core.likelihood.on_map import Felt, MapLikelihood, OnMap
+from tactile_localizer.core.likelihood.on_map import Felt, MapLikelihood, OnMap, Places
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 
@@ -141,5 +141,6 @@ class SweepMixture:
         if transform is not None:
             of_strain = of_strain @ transform
         level_variance = self.noise.layout.mean(innovation.level_variance).astype(np.float32)
-        felt = Felt(of_strain, level_variance, transform)
-        return self._map_likelihood.of(felt, nodes, states, innovation.of_map, gain, scale, used)
+        more = np.maximum(scale, 1.0).astype(np.float32) if (scale > 1.0).any() else None
+        felt = Felt(of_strain, level_variance, transform, more, used)
+        return self._map_likelihood.of(felt, Places(nodes, states, innovation.of_map, gain))

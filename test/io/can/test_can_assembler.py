@@ -319,40 +319,40 @@ def test_phalanges_have_the_channels_of_the_dbc(tmp_path: Path) -> None:
     assert np.isnan(part.strain[19:]).all()
 
 
-@pytest.mark.parametrize("seed", [0, 2, 14, 16, 24, 43])
-@pytest.mark.parametrize("order", [(0, 1, 2, 3), (0, 2, 1, 3)], ids=["in turn", "mixed"])
-def test_nothing_is_lost_of_a_sender_that_is_put_aside_again_and_again(
-    seed: int, order: tuple[int, ...]
-) -> None:
-    """Before any of its frames, as by a busy machine; all are received."""
+def put_aside(seed: int, order: tuple[int, ...], share: float, begin: int = 0) -> list[can.Message]:
+    """100 cycles whose sender is put aside before a share of its frames, from one on."""
     rng = np.random.default_rng(seed)
     frames, stamp_ns = [], START_NS
     for n in range(100):
         stamp_ns = max(stamp_ns, START_NS + n * PERIOD_NS)
         for k in order:
-            stalls = rng.random(2) < 0.05
+            stalls = rng.random(2) < share * (n >= begin)
             stamp_ns += int(rng.uniform(2e4, 3e5) + stalls.sum() * rng.exponential(3 * PERIOD_NS))
             frames.append(sent_at(FRAMES[4 * n + k], stamp_ns))
-    cycles = assembled(frames, assembler := CycleAssembler(HAND))
+    return frames
+
+
+in_both_orders = pytest.mark.parametrize("order", [(0, 1, 2, 3), (0, 2, 1, 3)], ids=["in turn", "mixed"])
+
+
+@pytest.mark.parametrize("seed", [0, 2, 14, 16, 24, 43])
+@in_both_orders
+def test_nothing_is_lost_of_a_sender_that_is_put_aside_again_and_again(
+    seed: int, order: tuple[int, ...]
+) -> None:
+    cycles = assembled(put_aside(seed, order, 0.05), assembler := CycleAssembler(HAND))
     counts = assembler.counts.phalanges
     assert [(one.drops, one.jumps) for one in counts] == [(0, 0)] * 2
     assert min(one.samples for one in counts) >= 97
     assert len(cycles) <= 103
 
 
-@pytest.mark.parametrize("order", [(0, 1, 2, 3), (0, 2, 1, 3)], ids=["in turn", "mixed"])
 @pytest.mark.parametrize("seed", range(4))
+@in_both_orders
 def test_once_counters_were_equal_no_sample_is_of_two_however_long_a_sender_is_put_aside(
     seed: int, order: tuple[int, ...]
 ) -> None:
-    rng = np.random.default_rng(seed)
-    frames, stamp_ns = [], START_NS
-    for n in range(100):
-        stamp_ns = max(stamp_ns, START_NS + n * PERIOD_NS)
-        for k in order:
-            stalls = rng.random(2) < 0.15 * (n >= 20)
-            stamp_ns += int(rng.uniform(2e4, 3e5) + stalls.sum() * rng.exponential(3 * PERIOD_NS))
-            frames.append(sent_at(FRAMES[4 * n + k], stamp_ns))
-    for phalanx in zip(*samples(assembled(frames, CycleAssembler(HAND))), strict=True):
+    cycles = assembled(put_aside(seed, order, 0.15, begin=20), CycleAssembler(HAND))
+    for phalanx in zip(*samples(cycles), strict=True):
         received = [number for number in phalanx if number is not None]
         assert received == [*range(received[0], 100)]
