@@ -77,6 +77,30 @@ def test_a_sourced_ros_brings_its_own_python_and_wheels_end_at_3_13(
     assert said in made.stdout.splitlines()[-1]
 
 
+PIP = """#!/bin/bash
+# A Python whose pip knows an index without uv, or from which uv reads nothing
+echo "$*" >>calls
+[[ "$*" != *{fails}* ]]
+"""
+
+
+@pytest.mark.parametrize(("fails", "by"), [("uv==", "pip"), ("-m uv pip", "pip"), ("nothing", "uv")])
+def test_an_environment_is_made_by_pip_where_uv_cannot(tmp_path: Path, fails: str, by: str) -> None:
+    for name in ("scripts", "requirements"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    generator = tmp_path / ".venv-kilted/share/rosidl_generator_py/cmake/rosidl_generator_py_generate_interfaces.cmake"
+    generator.parent.mkdir(parents=True)
+    generator.touch()
+    programs(tmp_path / ".venv-kilted/bin", {"python": PIP.format(fails=f'"{fails}"')})
+    path = programs(tmp_path / "bin", {"cmake": "", "c++": "", "git": ""})
+    made = run("bash", "scripts/setup_venv", folder=tmp_path, PATH=path, ROS_DISTRO="kilted")
+    assert made.returncode == 0, made.stdout
+    calls = (tmp_path / "calls").read_text().splitlines()
+    last = next(call for call in reversed(calls) if "install" in call)
+    assert last.startswith(f"-m {by} ")
+    assert "-rrequirements/ros-kilted.txt" in last
+
+
 @pytest.fixture
 def clone(tmp_path: Path) -> Path:
     """A repository with the folders of rooms, on a branch of main."""
