@@ -88,7 +88,10 @@ echo "$*" >>calls
 def test_an_environment_is_made_by_pip_where_uv_cannot(tmp_path: Path, fails: str, by: str) -> None:
     for name in ("scripts", "requirements"):
         shutil.copytree(ROOT / name, tmp_path / name)
-    generator = tmp_path / ".venv-kilted/share/rosidl_generator_py/cmake/rosidl_generator_py_generate_interfaces.cmake"
+    generator = (
+        tmp_path
+        / ".venv-kilted/share/rosidl_generator_py/cmake/rosidl_generator_py_generate_interfaces.cmake"
+    )
     generator.parent.mkdir(parents=True)
     generator.touch()
     programs(tmp_path / ".venv-kilted/bin", {"python": PIP.format(fails=f'"{fails}"')})

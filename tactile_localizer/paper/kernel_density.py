@@ -14,13 +14,12 @@ from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.errors import ParameterError
 from tactile_localizer.paper.background import FLOOR, Background
+from tactile_localizer.paper.lattice_kernel import LatticeKernel
 
 MAX_NODES = 2**23
 """Largest number of nodes; a measurement update then takes a second or two."""
 _NODES_PER_STD = 4
 """Nodes per kernel width: log-likelihoods are at most 0.05 nats off, down to 5 nats below the peak."""
-_REACH = 8.5
-"""Kernel widths beyond which a position kernel is neglected: it is below exp(-36)."""
 _MARGIN = 5.0
 """Kernel widths around the pairs that have nodes; farther away the background is all that is left."""
 
@@ -79,7 +78,8 @@ class KernelDensity:
         self._shape = tuple((intervals + ~wraps).astype(int))  # the last node of a full turn is the first one
         per_std = position_std / self._spacing
         # A pair that is spread by a quadratic B-spline widens the kernel by a variance of 1/4.
-        self._sigma = np.sqrt(per_std**2 - 0.25)
+        sigma = np.sqrt(per_std**2 - 0.25)
+        self._kernels = [LatticeKernel(*axis) for axis in zip(sigma, self._shape, wraps, strict=True)]
         self._spread = self._spreading(positions)
         kernel = math.sqrt(2.0 * math.pi) * per_std
         typical = len(strain) / float(np.prod(np.maximum(np.ptp(positions, axis=0) / self._spacing, kernel)))
@@ -112,10 +112,10 @@ class KernelDensity:
 
     def _at_nodes(self, weights: np.ndarray) -> np.ndarray:
         """Sums over the pairs of their ``weights`` (N,) times the position kernel, at all nodes."""
-        mode = ["wrap" if wraps else "constant" for wraps in self._wraps]
-        spread = (self._spread @ weights).reshape(self._shape)
-        radius = np.ceil(_REACH * self._sigma).astype(int)
-        return np.asarray(ndimage.gaussian_filter(spread, self._sigma, mode=mode, radius=radius))
+        sums = (self._spread @ weights).reshape(self._shape)
+        for kernel in self._kernels:  # each takes the first axis and leaves it as the last
+            sums = kernel.filter(sums)
+        return sums
 
     def log_density(self, states: np.ndarray, strain: np.ndarray, present: np.ndarray) -> np.ndarray:
         """Log-density (P,) of a strain (C,) of the phalanges ``present`` (F,) at states (P, d)."""
@@ -125,10 +125,14 @@ class KernelDensity:
             scaled, pairs = scaled[used], pairs[:, used]
         exponents = -0.5 * cdist(scaled[None], pairs, "sqeuclidean")[0]
         log_scale = float(exponents.max())
-        sums = np.maximum(self._at_nodes(np.exp(exponents - log_scale)), np.finfo(np.float64).tiny)
-        log_sums = np.log(sums) + log_scale + float(self._log_constants[present].sum())
+        sums = self._at_nodes(np.exp(exponents - log_scale))
+        log_scale += float(self._log_constants[present].sum())
         log_floor = math.log(self._floor) + self.background.log_density(strain, present)
-        log_density = np.logaddexp(log_sums, log_floor) - self._log_density
+        # The logarithm of the sum of both, relative to the larger one.
+        peak = max(log_scale, log_floor)
+        sums *= math.exp(log_scale - peak)
+        sums += max(math.exp(log_floor - peak), np.finfo(np.float64).tiny)
+        log_density = np.log(sums) + peak - self._log_density
         # The ends of an axis that is not a full turn are alike: there the background is left.
         places = self._places(states)
         return np.asarray(ndimage.map_coordinates(log_density, places, order=3, mode="grid-wrap"))

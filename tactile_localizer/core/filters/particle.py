@@ -134,7 +134,8 @@ class ParticleFilter:
         spread = self._regularization(effective)
         ancestors = systematic(self._weights, self._count, self._rng)
         jitter = self._rng.standard_normal((self._count, len(self._lower))) @ spread.T
-        self._place(self._reflected(self._states[ancestors] + jitter), self._ancestors[ancestors])
+        states = self._states.take(ancestors, axis=0) + jitter
+        self._place(self._reflected(states), self._ancestors.take(ancestors))
 
     def _reflected(self, states: np.ndarray) -> np.ndarray:
         """States (P, d) with those beyond a bound mirrored at it: nothing leaves the scene by jitter."""

@@ -17,8 +17,10 @@ def systematic(weights: np.ndarray, count: int, rng: np.random.Generator) -> np.
     rng : source of the offset
     """
     cumulative = np.cumsum(weights, dtype=np.float64)
-    # Rounding must not put a point beyond the end, or on trailing particles of weight zero.
     total = cumulative[-1]
-    last = int(np.searchsorted(cumulative, total, side="left"))
-    points = (np.arange(count) + rng.random()) / count
-    return np.minimum(np.searchsorted(cumulative, points * total, side="right"), last)
+    # Points below each sum, which are sorted like the sums: a search for every point takes twice as long.
+    below = np.ceil(cumulative * (count / total) - rng.random())
+    # Rounding must leave no point beyond the end, or on trailing particles of weight zero.
+    below[np.searchsorted(cumulative, total, side="left") :] = count
+    np.clip(below, 0.0, count, out=below)
+    return np.repeat(np.arange(len(weights)), np.diff(below.astype(np.intp), prepend=0))
