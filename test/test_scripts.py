@@ -88,12 +88,9 @@ echo "$*" >>calls
 def test_an_environment_is_made_by_pip_where_uv_cannot(tmp_path: Path, fails: str, by: str) -> None:
     for name in ("scripts", "requirements"):
         shutil.copytree(ROOT / name, tmp_path / name)
-    generator = (
-        tmp_path
-        / ".venv-kilted/share/rosidl_generator_py/cmake/rosidl_generator_py_generate_interfaces.cmake"
-    )
-    generator.parent.mkdir(parents=True)
-    generator.touch()
+    cmake = tmp_path / ".venv-kilted/share/rosidl_generator_py/cmake"
+    cmake.mkdir(parents=True)
+    (cmake / "rosidl_generator_py_generate_interfaces.cmake").touch()
     programs(tmp_path / ".venv-kilted/bin", {"python": PIP.format(fails=f'"{fails}"')})
     path = programs(tmp_path / "bin", {"cmake": "", "c++": "", "git": ""})
     made = run("bash", "scripts/setup_venv", folder=tmp_path, PATH=path, ROS_DISTRO="kilted")
