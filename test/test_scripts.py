@@ -84,21 +84,35 @@ echo "$*" >>calls
 """
 
 
-@pytest.mark.parametrize(("fails", "by"), [("uv==", "pip"), ("-m uv pip", "pip"), ("nothing", "uv")])
-def test_an_environment_is_made_by_pip_where_uv_cannot(tmp_path: Path, fails: str, by: str) -> None:
+@pytest.mark.parametrize(
+    ("flavor", "fails", "by"),
+    [
+        ("kilted", "uv==", "pip"),
+        ("kilted", "-m uv pip", "pip"),
+        ("kilted", "nothing", "uv"),
+        ("system", "nothing", "pip"),
+    ],
+)
+def test_pip_makes_the_environment_where_uv_cannot_or_would_not_see_a_sourced_ros(
+    tmp_path: Path, flavor: str, fails: str, by: str
+) -> None:
     for name in ("scripts", "requirements"):
         shutil.copytree(ROOT / name, tmp_path / name)
-    cmake = tmp_path / ".venv-kilted/share/rosidl_generator_py/cmake"
+    cmake = tmp_path / f".venv-{flavor}/share/rosidl_generator_py/cmake"
     cmake.mkdir(parents=True)
     (cmake / "rosidl_generator_py_generate_interfaces.cmake").touch()
-    programs(tmp_path / ".venv-kilted/bin", {"python": PIP.format(fails=f'"{fails}"')})
+    programs(tmp_path / f".venv-{flavor}/bin", {"python": PIP.format(fails=f'"{fails}"')})
     path = programs(tmp_path / "bin", {"cmake": "", "c++": "", "git": ""})
-    made = run("bash", "scripts/setup_venv", folder=tmp_path, PATH=path, ROS_DISTRO="kilted")
+    (tmp_path / "ros/rclpy").mkdir(parents=True)
+    (tmp_path / "ros/rclpy/__init__.py").touch()
+    sourced = {"AMENT_PREFIX_PATH": str(tmp_path), "PYTHONPATH": str(tmp_path / "ros")}
+    ros = sourced if flavor == "system" else {}
+    made = run("bash", "scripts/setup_venv", folder=tmp_path, PATH=path, ROS_DISTRO="kilted", **ros)
     assert made.returncode == 0, made.stdout
     calls = (tmp_path / "calls").read_text().splitlines()
     last = next(call for call in reversed(calls) if "install" in call)
     assert last.startswith(f"-m {by} ")
-    assert "-rrequirements/ros-kilted.txt" in last
+    assert "-rrequirements/runtime.txt" in last
 
 
 @pytest.fixture
