@@ -48,6 +48,17 @@ def test_the_background_explains_strains_of_any_size_at_every_state(model, size)
             assert values.max() < -100
 
 
+def test_a_strain_that_one_place_alone_explains_is_finite_everywhere():
+    """Kernels so narrow that the density there is beyond a double's range of that of the background."""
+    of = scene(2, 5)
+    made = scan(np.random.default_rng(0), of, 800)
+    model, place = build("sum_of_gaussians", made, of, strain_std=1e-12), made.states[3]
+    values = model.log_likelihood(np.concatenate([STATES, place[None]]), made.strain[3])
+    assert np.isfinite(values).all()
+    peak = -40.0 * (math.log(1e-12) + 0.5 * math.log(2.0 * math.pi))  # of the kernel in strain
+    assert values[-1] == pytest.approx(peak, abs=5.0)  # less the share of the pair among those around it
+
+
 @kernel_models
 def test_position_kernels_of_any_width_give_finite_densities_or_are_refused(model):
     values = build(model, position_std=LARGEST).log_likelihood(STATES, SCAN.strain[3])
