@@ -163,17 +163,14 @@ static inline float fast_log(float x)
     return (float)exponent * 0.693147182f + (f - 0.5f * f * f + f * f * f * q);
 }
 
-/* Adds to sum (C,) a row vector (C,) times a matrix (C, C) that has an upper triangle for each phalanx. */
-static void add_product(const float *restrict vector, const float *restrict matrix, const intptr_t *bounds,
-                        Py_ssize_t phalanges, float *restrict sum)
+/* Adds to sum (C,) a row vector (C,) times an upper triangle (C, C), whose rows are zero from their ends (C,) on. */
+static void add_product(const float *restrict vector, const float *restrict matrix, const Py_ssize_t *ends,
+                        Py_ssize_t channels, float *restrict sum)
 {
-    for (Py_ssize_t f = 0; f < phalanges; f++) {
-        const intptr_t begin = bounds[f], width = bounds[f + 1] - begin;
-        for (intptr_t row = 0; row < width; row++) {
-            const float *factors = matrix + (begin + row) * bounds[phalanges] + begin;
-            /* From an eighth on, so that the usual eight channels are one vector. */
-            for (intptr_t c = row & ~7; c < width; c++) sum[begin + c] += vector[begin + row] * factors[c];
-        }
+    for (Py_ssize_t row = 0; row < channels; row++) {
+        const float *factors = matrix + row * channels;
+        /* From an eighth on, so that the usual eight channels are one vector. */
+        for (Py_ssize_t c = row & ~7; c < ends[row]; c++) sum[c] += vector[row] * factors[c];
     }
 }
 
@@ -222,48 +219,48 @@ static void densities(Py_ssize_t rows, const float *restrict energy, const float
 /* on_map(spread f (F + 1, M), counts n (M,), starts n (M,), away f (n, C), other_spread f (F + 1, n): components;
  *        nodes n (N,), of_map f (N, C) whitened as the strain, mean f (F, N), gain f (F, N): of the places;
  *        bounds n (F + 1,): first channel of each phalanx;
- *        strain f (C,), transform f (C, C) that whitens rows as the strain, an upper triangle for each phalanx,
- *        or None, level f (F,), scale f (F,) or None, used bool (F,): of the strain;
+ *        strain f (C,), transform f (C, C) that whitens rows as the strain, an upper triangle, or None,
+ *        level f (F,), used bool (F,): of the strain;
  *        degrees of freedom, number of states;
- *        likelihoods d (N,), position d (P,) where there is a scale, lengths f (F, P), information f (F, N),
- *        product f (F, N))
+ *        likelihoods d (N,), information f (F, N), product f (F, N))
  */
 static PyObject *on_map(PyObject *self, PyObject *args)
 {
     enum { SPREAD, COUNTS, STARTS, AWAY, OTHER_SPREAD, NODES, OF_MAP, MEAN, GAIN, BOUNDS, STRAIN, TRANSFORM, LEVEL,
-           SCALE, USED, LIKELIHOODS, POSITION, LENGTHS, INFORMATION, PRODUCT, ALL };
+           USED, LIKELIHOODS, INFORMATION, PRODUCT, ALL };
     Py_buffer a[ALL] = {{0}};
     Py_ssize_t states;
     float degrees;
     (void)self;
-    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*y*y*y*z*y*z*y*fnw*w*w*w*w*", &a[SPREAD], &a[COUNTS], &a[STARTS],
-                          &a[AWAY], &a[OTHER_SPREAD], &a[NODES], &a[OF_MAP], &a[MEAN], &a[GAIN], &a[BOUNDS],
-                          &a[STRAIN], &a[TRANSFORM], &a[LEVEL], &a[SCALE], &a[USED], &degrees, &states,
-                          &a[LIKELIHOODS], &a[POSITION], &a[LENGTHS], &a[INFORMATION], &a[PRODUCT]))
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*y*y*y*z*y*y*fnw*w*w*", &a[SPREAD], &a[COUNTS], &a[STARTS], &a[AWAY],
+                          &a[OTHER_SPREAD], &a[NODES], &a[OF_MAP], &a[MEAN], &a[GAIN], &a[BOUNDS], &a[STRAIN],
+                          &a[TRANSFORM], &a[LEVEL], &a[USED], &degrees, &states, &a[LIKELIHOODS], &a[INFORMATION],
+                          &a[PRODUCT]))
         return NULL;
     const Py_ssize_t phalanges = COUNT(a[LEVEL], float), channels = COUNT(a[STRAIN], float);
     const Py_ssize_t places = COUNT(a[NODES], intptr_t), nodes = COUNT(a[COUNTS], intptr_t);
     const Py_ssize_t all_others = COUNT(a[OTHER_SPREAD], float) / (phalanges + 1);
     const float *spread = a[SPREAD].buf, *other_spread = a[OTHER_SPREAD].buf, *away = a[AWAY].buf;
-    const float *strain = a[STRAIN].buf, *transform = a[TRANSFORM].buf, *level = a[LEVEL].buf, *scale = a[SCALE].buf;
+    const float *strain = a[STRAIN].buf, *transform = a[TRANSFORM].buf, *level = a[LEVEL].buf;
     const float *mean = a[MEAN].buf, *gain = a[GAIN].buf;
     const intptr_t *counts = a[COUNTS].buf, *starts = a[STARTS].buf, *node_of = a[NODES].buf, *bounds = a[BOUNDS].buf;
     const char *used = a[USED].buf;
-    double *likelihoods = a[LIKELIHOODS].buf, *position = a[POSITION].buf;
-    float *lengths = a[LENGTHS].buf, *information = a[INFORMATION].buf, *product = a[PRODUCT].buf, *memory = NULL;
+    double *likelihoods = a[LIKELIHOODS].buf;
+    float *information = a[INFORMATION].buf, *product = a[PRODUCT].buf, *memory = NULL;
+    Py_ssize_t *ends = NULL;
     Py_ssize_t others = 0;
     if (!(HAS(SPREAD, (phalanges + 1) * nodes, float) && HAS(STARTS, nodes, intptr_t) &&
           HAS(AWAY, all_others * channels, float) && HAS(OF_MAP, places * channels, float) &&
           HAS(MEAN, phalanges * places, float) && HAS(GAIN, phalanges * places, float) &&
           HAS(BOUNDS, phalanges + 1, intptr_t) && (!transform || HAS(TRANSFORM, channels * channels, float)) &&
-          (!scale || HAS(SCALE, phalanges, float)) && HAS(USED, phalanges, char) && HAS(LIKELIHOODS, places, double) &&
-          HAS(POSITION, states, double) && HAS(LENGTHS, phalanges * states, float) &&
+          HAS(USED, phalanges, char) && HAS(LIKELIHOODS, places, double) &&
           HAS(INFORMATION, phalanges * places, float) && HAS(PRODUCT, phalanges * places, float)))
         goto end;
     for (Py_ssize_t n = 0; n < states; n++) others += counts[node_of[n]];
     const Py_ssize_t rows = others + places, size = phalanges * rows;
     memory = PyMem_Malloc((size_t)(PER_RESIDUAL * size + rows + channels) * sizeof(float));
-    if (!memory) {
+    ends = PyMem_Malloc((size_t)channels * sizeof(Py_ssize_t));
+    if (!memory || !ends) {
         PyErr_NoMemory();
         goto end;
     }
@@ -275,6 +272,8 @@ static PyObject *on_map(PyObject *self, PyObject *args)
                           memory + 5 * size,
                           memory + 6 * size};
     float *log_prior = memory + PER_RESIDUAL * size, *moved = log_prior + rows;
+    for (Py_ssize_t row = 0; transform && row < channels; row++) /* of a sheet, that of its phalanx */
+        for (ends[row] = channels; ends[row] > row && transform[row * channels + ends[row] - 1] == 0.0f;) ends[row]--;
     for (Py_ssize_t n = 0, row = 0; n < places; n++) {
         const float *of_map = (const float *)a[OF_MAP].buf + n * channels;
         const intptr_t node = node_of[n], count = n < states ? counts[node] : 0; /* of anchors the first alone */
@@ -284,7 +283,7 @@ static PyObject *on_map(PyObject *self, PyObject *args)
             const float *signal = of_map, *more = away + other * channels;
             if (k >= 0) {
                 for (Py_ssize_t c = 0; c < channels; c++) moved[c] = of_map[c] + (transform ? 0.0f : more[c]);
-                if (transform) add_product(more, transform, bounds, phalanges, moved);
+                if (transform) add_product(more, transform, ends, channels, moved);
                 signal = moved;
             }
             for (Py_ssize_t f = 0; f < phalanges; f++) {
@@ -299,25 +298,20 @@ static PyObject *on_map(PyObject *self, PyObject *args)
         if (n >= states) log_prior[others + n] = 0.0f;
     }
     memset(likelihoods, 0, (size_t)places * sizeof(double));
-    memset(position, 0, (size_t)states * sizeof(double));
     for (Py_ssize_t f = 0; f < phalanges; f++) {
         const Py_ssize_t begin = f * rows, first = begin + others;
         const float width = (float)(bounds[f + 1] - bounds[f]);
-        for (int in_sweep = 0; in_sweep <= (scale != NULL); in_sweep++) {
-            for (Py_ssize_t row = begin; in_sweep && row < begin + rows; row++) of.variance[row] *= scale[f];
-            densities(rows, of.energy + begin, of.product + begin, of.squared + begin, of.gain + begin,
-                      of.variance + begin, width, degrees, of.length + begin, of.log_density + begin);
-            for (Py_ssize_t n = 0, row = 0; used[f] && n < (in_sweep ? states : places); n++) {
-                const double of_first = of.log_density[first + n] + log_prior[others + n];
-                const intptr_t count = n < states ? counts[node_of[n]] : 0;
-                double sum = 1.0; /* relative to the first component */
-                for (const Py_ssize_t end = row + count; row < end; row++) {
-                    const double ratio = of.log_density[begin + row] + log_prior[row] - of_first;
-                    sum += exp(ratio < 700.0 ? ratio : 700.0); /* a finite number */
-                }
-                (in_sweep ? position : likelihoods)[n] += of_first + (count ? log(sum) : 0.0);
+        densities(rows, of.energy + begin, of.product + begin, of.squared + begin, of.gain + begin, of.variance + begin,
+                  width, degrees, of.length + begin, of.log_density + begin);
+        for (Py_ssize_t n = 0, row = 0; used[f] && n < places; n++) {
+            const double of_first = of.log_density[first + n] + log_prior[others + n];
+            const intptr_t count = n < states ? counts[node_of[n]] : 0;
+            double sum = 1.0; /* relative to the first component */
+            for (const Py_ssize_t end = row + count; row < end; row++) {
+                const double ratio = of.log_density[begin + row] + log_prior[row] - of_first;
+                sum += exp(ratio < 700.0 ? ratio : 700.0); /* a finite number */
             }
-            for (Py_ssize_t n = 0; !in_sweep && n < states; n++) lengths[f * states + n] = of.length[first + n];
+            likelihoods[n] += of_first + (count ? log(sum) : 0.0);
         }
         for (Py_ssize_t n = 0; n < places; n++) {
             const float weight = (degrees + width) / (degrees + of.length[first + n]) / of.variance[first + n];
@@ -325,6 +319,71 @@ static PyObject *on_map(PyObject *self, PyObject *args)
             product[f * places + n] = weight * of.product[first + n];
         }
     }
+end:
+    PyMem_Free(ends);
+    PyMem_Free(memory);
+    release(a, ALL);
+    if (PyErr_Occurred()) return NULL;
+    Py_RETURN_NONE;
+}
+
+/* Adds the product of a vector (count,) with itself to rows that are so far apart. */
+static void add_square(const float *restrict vector, Py_ssize_t count, float *restrict sums, Py_ssize_t apart)
+{
+    for (Py_ssize_t row = 0; row < count; row++)
+        for (Py_ssize_t c = 0; c < count; c++) sums[row * apart + c] += vector[row] * vector[c];
+}
+
+/* scatter(spread f (F + 1, M): first components; nodes n (N,), of_map f (N, C) whitened as the strain, mean f (F, N):
+ *         of the places; bounds n (F + 1,); strain f (C,), level f (F,): of the strain; weights d (P,) of the states,
+ *         the least that counts, in variances the largest mean square;
+ *         moments d (C, C), a block per phalanx)
+ */
+static PyObject *scatter(PyObject *self, PyObject *args)
+{
+    enum { SPREAD, NODES, OF_MAP, MEAN, BOUNDS, STRAIN, LEVEL, WEIGHTS, MOMENTS, ALL };
+    Py_buffer a[ALL] = {{0}};
+    double least, largest;
+    float *memory = NULL;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*ddw*", &a[SPREAD], &a[NODES], &a[OF_MAP], &a[MEAN], &a[BOUNDS],
+                          &a[STRAIN], &a[LEVEL], &a[WEIGHTS], &least, &largest, &a[MOMENTS]))
+        return NULL;
+    const Py_ssize_t phalanges = COUNT(a[LEVEL], float), channels = COUNT(a[STRAIN], float);
+    const Py_ssize_t places = COUNT(a[NODES], intptr_t), states = COUNT(a[WEIGHTS], double);
+    const Py_ssize_t nodes = COUNT(a[SPREAD], float) / (phalanges + 1);
+    const float *spread = a[SPREAD].buf, *mean = a[MEAN].buf, *strain = a[STRAIN].buf, *level = a[LEVEL].buf;
+    const intptr_t *node_of = a[NODES].buf, *bounds = a[BOUNDS].buf;
+    const double *weights = a[WEIGHTS].buf;
+    double *moments = a[MOMENTS].buf;
+    if (!(HAS(OF_MAP, places * channels, float) && HAS(MEAN, phalanges * places, float) &&
+          HAS(BOUNDS, phalanges + 1, intptr_t) && HAS(MOMENTS, channels * channels, double)))
+        goto end;
+    memory = PyMem_Calloc((size_t)((channels + 1) * channels), sizeof(float));
+    if (!memory) {
+        PyErr_NoMemory();
+        goto end;
+    }
+    float *residual = memory, *sums = memory + channels;
+    for (Py_ssize_t n = 0; n < states && n < places; n++) {
+        if (!(weights[n] > least)) continue;
+        const float *of_map = (const float *)a[OF_MAP].buf + n * channels;
+        for (Py_ssize_t f = 0; f < phalanges; f++) {
+            const float variance = spread[f * nodes + node_of[n]] + level[f], gain = mean[f * places + n];
+            const intptr_t begin = bounds[f], end = bounds[f + 1];
+            double squared = 0.0;
+            for (intptr_t c = begin; c < end; c++) {
+                residual[c] = strain[c] - gain * of_map[c];
+                squared += (double)residual[c] * residual[c];
+            }
+            squared /= (double)variance * (double)(end - begin);
+            const double bound = squared > largest ? largest / squared : 1.0;
+            const float width = (float)sqrt(weights[n] / (double)variance * bound);
+            for (intptr_t c = begin; c < end; c++) residual[c] *= width;
+            add_square(residual + begin, end - begin, sums + begin * (channels + 1), channels);
+        }
+    }
+    for (Py_ssize_t k = 0; k < channels * channels; k++) moments[k] = (double)sums[k];
 end:
     PyMem_Free(memory);
     release(a, ALL);
@@ -434,6 +493,7 @@ static PyMethodDef METHODS[] = {
     {"map_at", map_at, METH_VARARGS, "Nodes nearest to places, and the strain there."},
     {"drift", drift, METH_VARARGS, "What of a strain and of the map their trends do not predict, and trends after it."},
     {"on_map", on_map, METH_VARARGS, "Likelihoods of a strain at places of the map."},
+    {"scatter", scatter, METH_VARARGS, "Second moments of the residuals of a strain from the map."},
     {"off_map", off_map, METH_VARARGS, "Log-likelihood of a strain on other material, and the weights after it."},
     {"probability_within", probability_within, METH_VARARGS, "Probability that the hand is within an ellipsoid."},
     {NULL, NULL, 0, NULL},

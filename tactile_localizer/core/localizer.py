@@ -21,15 +21,13 @@ from tactile_localizer.core.hypotheses.convergence import (
 from tactile_localizer.core.hypotheses.explanations import RELOCATION_DISTANCE, Explanations
 from tactile_localizer.core.likelihood.base import MeasurementModel, checked, has_finite_squares, real_numbers
 from tactile_localizer.core.likelihood.material import Material
+from tactile_localizer.core.likelihood.scatter import SCATTERED
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.measurements import Measurement, Measurements
 from tactile_localizer.core.sweep import Evidence, Sweep
 from tactile_localizer.core.weights import bayes
 from tactile_localizer.errors import MeasurementError
 from tactile_localizer.scene import Scene
-
-_SCATTERED = 2.0
-"""Standard deviations of the strain, in those of the scan, from which that is said. By judgement."""
 
 
 class Estimate(NamedTuple):
@@ -278,9 +276,7 @@ class Localizer:
             np.where(far, exponent * (evidence.anchors - tracked), -np.inf),
             exponent * (evidence.other - tracked),
         )
-        self._log_likelihoods = np.array([tracked, evidence.other]) + float(
-            used @ sweep.model.noise.log_volume
-        )
+        self._log_likelihoods = np.array([tracked, evidence.other]) + float(used @ evidence.log_volume)
         self._travel += travel
         self._decide(prediction.states, belief, measurement)
         return belief
@@ -328,8 +324,8 @@ class Localizer:
 
     def _scatter(self) -> str:
         """That the strain differs from the map by more than in the scan, to be added to a reason."""
-        scatter = math.sqrt(max(self._sweep.scale.tolist()))
-        if scatter < _SCATTERED:
+        scatter = math.sqrt(max(self._sweep.scatter.variance.tolist()))
+        if scatter < SCATTERED:
             return ""
         return f"; strain scatters {scatter:.2g} times as much as in the scan (force?)"
 

@@ -32,7 +32,7 @@ class Measurement(NamedTuple):
     travel : length of the displacement, m
     pending : (d,) displacement from that mean position to the last strain, m (yaw: rad)
     used : (F,) bool, phalanges that count
-    excess : (C,) V^2, by which the noise of the strain exceeds that of the scan's
+    excess : (C, C) V^2, covariance by which the noise of the strain exceeds that of the scan's
     outside : fraction of the recent strains that are outside the range of the scan
     """
 
@@ -145,8 +145,9 @@ class Measurements:
         self.outside += share * (float(self._range.strains_outside(strain, used)) - self.outside)
         excess = self._noise.excess(self.update_distance)
         if np.count_nonzero(excess):
-            excess = np.minimum(excess, self._silent)
+            bounded = np.sqrt(self._silent / np.maximum(excess.diagonal(), self._silent))
+            excess = bounded[:, None] * excess * bounded
         if np.count_nonzero(working) < len(working):
             # Channels are whitened together: one that does not count is one that is all noise.
-            excess = np.where(working, excess, self._silent)
+            excess = excess * np.outer(working, working) + np.diag(np.where(working, 0.0, self._silent))
         return Measurement(mean, displacement, travel, self._mean.pending, used, excess, self.outside)

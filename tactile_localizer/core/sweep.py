@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core.filters.base import Prediction
-from tactile_localizer.core.likelihood.drift import OUTLIER, Innovation, Trend
+from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.gain import RECENT, Gain
+from tactile_localizer.core.likelihood.on_map import Places
+from tactile_localizer.core.likelihood.scatter import Scatter
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.weights import bayes
 
@@ -24,6 +26,7 @@ class Evidence(NamedTuple):
     states, anchors : (P,) and (R,) at places of the map, under the variance of a visit in the scan
     position : (P,) at the states, under the variance of the sweep at hand
     other : of other material
+    log_volume : (F,) logarithms of the volumes of the strains, for all but the position's
     innovation : of the strain, and of the map at states and anchors
     map_strain : (P + R, C) there, whitened
     """
@@ -32,6 +35,7 @@ class Evidence(NamedTuple):
     anchors: np.ndarray
     position: np.ndarray
     other: float
+    log_volume: np.ndarray
     innovation: Innovation
     map_strain: np.ndarray
 
@@ -44,7 +48,7 @@ class Sweep(NamedTuple):
     model : measurement model for the noise of the sweep
     trend : by which the sweep differs from the scan
     gain : factor of its signal
-    scale : (F,) mean of its squared residuals, in those of the scan
+    scatter : of its residuals about the map
     strength_weights : (G, F) of the strengths of other material
     strains : number of strains taken in
     """
@@ -52,7 +56,7 @@ class Sweep(NamedTuple):
     model: SweepMixture
     trend: Trend
     gain: Gain
-    scale: np.ndarray
+    scatter: Scatter
     strength_weights: np.ndarray
     strains: int = 0
 
@@ -63,7 +67,7 @@ class Sweep(NamedTuple):
             model,
             model.drift.start(1 + anchors),
             Gain.start(phalanges, 1 + anchors, model.gain_variance),
-            np.ones(phalanges),
+            Scatter.start(model.noise.layout),
             model.other.start(),
         )
 
@@ -88,11 +92,14 @@ class Sweep(NamedTuple):
         return self._replace(trend=trend, gain=gain)
 
     def whitened_by(self, model: SweepMixture, excess: np.ndarray) -> Sweep:
-        """With the ``model`` of the scan for strains that have more noise, by ``excess`` (C,) V^2.
+        """With the ``model`` of the scan for strains that have more noise, by ``excess`` (C, C), V^2.
 
         It stays where no channel's noise has changed by a fifth.
         """
-        changed = np.abs(excess - self.model.excess) > _CHANGED * (model.noise.variance + self.model.excess)
+        if not np.count_nonzero(excess) and not np.count_nonzero(self.model.excess):
+            return self
+        width = np.sqrt(model.noise.variance + self.model.excess.diagonal())
+        changed = np.abs(excess - self.model.excess) > _CHANGED * np.outer(width, width)
         return self._replace(model=model.with_noise(excess)) if np.count_nonzero(changed) else self
 
     def evidence(
@@ -107,7 +114,9 @@ class Sweep(NamedTuple):
         """The evidence of a strain, and what is known of the sweep after it.
 
         Compared with the map is the strain, whitened, and of it the innovation, which the trend of the sweep
-        does not predict.
+        does not predict. What scatters along the strain itself, as under a force that varies, is noise on the
+        map and off it. What scatters in other directions is noise for the position alone: whether this is the
+        map at all has to be judged by the scan.
 
         Parameters
         ----------
@@ -124,22 +133,45 @@ class Sweep(NamedTuple):
             self.trend, strain, places, map_strain, weights, travel, exponent
         )
         gain = self.gain.predicted(travel, model.gain_variance)
-        on_map = model.on_map(nodes, states, innovation, gain, self.scale, used)
-        off_map, level_variance = model.off_map(innovation)
-        other, strength_weights = model.other.update(
+        there, felt = Places(nodes, states, innovation.of_map, gain), model.felt(innovation, used)
+        forced, scattered = self._under_its_conditions(strain)
+        on_map = in_sweep = forced.on_map(felt if forced is model else forced.felt(innovation, used), there)
+        if scattered is not forced:
+            in_sweep = scattered.on_map(scattered.felt(innovation, used), there)
+        off_map, level_variance = forced.off_map(innovation)
+        other, strength_weights = forced.other.update(
             self.strength_weights, off_map, level_variance, used, travel, exponent
         )
         # Weighted as a whole measurement: a belief that is still open also holds places that misfit.
-        fitting = bayes(weights, on_map.position)[0]
-        squared = np.minimum(on_map.squared @ fitting, OUTLIER)
+        moments = model.moments(felt, there, bayes(weights, in_sweep.states)[0])
         share = max(min(1.0, travel / RECENT), 1.0 / (1 + self.strains))
         after = Sweep(
             model,
             trend,
-            gain.updated(on_map.information, on_map.product, exponent),
-            self.scale + share * (squared - self.scale),
+            gain.updated(in_sweep.information, in_sweep.product, exponent),
+            self.scatter.after(moments, used, share, min(exponent * RECENT / travel, 1.0 / share)),
             strength_weights,
             self.strains + 1,
         )
-        found = Evidence(on_map.states, on_map.anchors, on_map.position, other, innovation, map_strain)
+        found = Evidence(
+            on_map.states,
+            on_map.anchors,
+            in_sweep.states,
+            other,
+            forced.noise.log_volume,
+            innovation,
+            map_strain,
+        )
         return found, after
+
+    def _under_its_conditions(self, strain: np.ndarray) -> tuple[SweepMixture, SweepMixture]:
+        """The models for whether this is the map, and for the position, by how strains scatter so far."""
+        model = self.model
+        if self.scatter.is_usual:
+            return model, model
+        force = self.scatter.along(model.direction(strain))
+        forced = model if force is None else model.with_covariance(force)
+        covariance = self.scatter.covariance(force)
+        if covariance is force:
+            return forced, forced
+        return forced, model if covariance is None else model.with_covariance(covariance)

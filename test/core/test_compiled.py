@@ -75,29 +75,51 @@ def test_nodes_are_the_nearest_also_outside_and_halfway(seed: int, layout: Chann
 def test_likelihoods_on_the_map_are_those_of_numpy(
     seed: int, layout: ChannelLayout, size: float, signal: float, level: float, flags: int
 ) -> None:
-    """With and without other noise than in the scan, deviating sweeps, and phalanges that do not count."""
+    """With and without other noise than in the scan, of phalanges or of all together; some do not count."""
     rng = np.random.default_rng(seed)
     model = MapLikelihood(random_map(rng, layout, 9, size=signal), layout)
     states, places, phalanges = int(rng.integers(0, 12)), 15, layout.phalanges
-    blocks = np.equal.outer(layout.phalanx, layout.phalanx) * np.tri(layout.size).T
-    transform = (np.eye(layout.size) + 0.1 * blocks).astype(np.float32) if flags & 1 else None
-    scale = rng.uniform(1.0, 9.0, phalanges).astype(np.float32) if flags & 2 else None
+    within = np.equal.outer(layout.phalanx, layout.phalanx) if flags & 2 else True
+    triangle = rng.uniform(0.0, 0.2, (layout.size,) * 2) * within * np.tri(layout.size).T
+    transform = (np.eye(layout.size) + triangle).astype(np.float32) if flags & 1 else None
     used = rng.integers(0, 2, phalanges).astype(bool) if flags & 4 else np.ones(phalanges, dtype=bool)
     nodes, of_map = model.expected(rng.uniform(-1.0, 1.0, (places, 1)))
     gain = Gain(*rng.uniform(0.05, 1.0, (2, phalanges, places)).astype(np.float32))
     strain = (of_map[0] + size * rng.standard_normal(layout.size)).astype(np.float32)
-    felt = Felt(strain, np.full(phalanges, level, dtype=np.float32), transform, scale, used)
-    names = ("states", "anchors", "position", "squared", "information", "product")
+    felt = Felt(strain, np.full(phalanges, level, dtype=np.float32), transform, used)
+    names = ("states", "anchors", "information", "product")
     with pytest.MonkeyPatch.context() as patch, np.errstate(over="ignore"):
         found = both(patch, lambda: model.of(felt, Places(nodes, states, of_map, gain)))
         for name, (one, other) in zip(names, found, strict=True):
             assert one.dtype == other.dtype, name
             assert np.isfinite(one).all(), name
-            assert name not in ("squared", "information") or (one >= 0.0).all(), name
+            assert name != "information" or (one >= 0.0).all(), name
             if signal <= 100.0:  # of larger ones float32 leaves no difference from the strain
                 rough = 1e-4 + 2e-6 * signal**2  # the residual is the difference of squared signals
                 largest = np.abs(other).max(initial=1.0)
                 np.testing.assert_allclose(one, other, rtol=rough, atol=rough * largest, err_msg=name)
+
+
+@given(seed=SEEDS, layout=LAYOUTS, size=SIZES, flags=st.integers(0, 3))
+def test_moments_of_residuals_are_those_of_numpy(
+    seed: int, layout: ChannelLayout, size: float, flags: int
+) -> None:
+    """Of states that fit and others, with and without other noise than in the scan, and of outliers."""
+    rng = np.random.default_rng(seed)
+    model, phalanges = MapLikelihood(random_map(rng, layout, 9), layout), layout.phalanges
+    states, places = int(rng.integers(1, 12)), 15
+    transform = np.triu(rng.uniform(0.5, 1.0, (layout.size,) * 2)).astype(np.float32) if flags & 1 else None
+    nodes, of_map = model.expected(rng.uniform(-1.0, 1.0, (places, 1)))
+    gain = Gain(*rng.uniform(0.05, 1.0, (2, phalanges, places)).astype(np.float32))
+    strain = (size * rng.standard_normal(layout.size)).astype(np.float32)
+    felt = Felt(strain, np.ones(phalanges, dtype=np.float32), transform, np.ones(phalanges, dtype=bool))
+    weights = rng.dirichlet(np.ones(states)) ** (8.0 if flags & 2 else 1.0)
+    with pytest.MonkeyPatch.context() as patch:
+        ((one, other),) = both(
+            patch, lambda: (model.moments(felt, Places(nodes, states, of_map, gain), weights),)
+        )
+    assert np.isfinite(one).all()
+    np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-4 * np.abs(other).max())
 
 
 def test_a_component_that_is_likelier_than_any_number_leaves_finite_likelihoods() -> None:
@@ -108,7 +130,7 @@ def test_a_component_that_is_likelier_than_any_number_leaves_finite_likelihoods(
     one = np.ones(1)
     model = MapLikelihood(StrainMap(one, one, (1,), *tables, 0.1, np.zeros((1, 40))), layout)
     zero, used = np.zeros(40, dtype=np.float32), np.ones(1, dtype=bool)
-    felt = Felt(zero, zero[:1], None, None, used)
+    felt = Felt(zero, zero[:1], None, used)
     gain = Gain(np.ones((1, 1), dtype=np.float32), np.zeros((1, 1), dtype=np.float32))
     nodes, of_map = model.expected(one[:, None])
     with pytest.MonkeyPatch.context() as patch:

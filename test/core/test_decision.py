@@ -16,6 +16,7 @@ from tactile_localizer.core.hypotheses.explanations import RELOCATION_RATE, Expl
 from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend, innovations
 from tactile_localizer.core.likelihood.gain import LEAST_VARIANCE, Gain
 from tactile_localizer.core.likelihood.material import Material
+from tactile_localizer.core.likelihood.on_map import Places
 from tactile_localizer.core.likelihood.other_material import PATCH_LENGTH, OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap, VarianceModel
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
@@ -105,8 +106,9 @@ def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[n
     nodes, expected = model.map_at(places)
     start, felt = model.drift.start(len(places)), yaw * TURNING
     innovation, trend = model.innovation(start, felt, places, expected, weights, 0.0005, 1.0)
-    gain, every = Gain.start(1, len(places), model.gain_variance), np.ones(1)
-    found = model.on_map(nodes, len(YAWS), innovation, gain, every, every.astype(bool))
+    gain, every = Gain.start(1, len(places), model.gain_variance), np.ones(1, dtype=bool)
+    there = Places(nodes, len(YAWS), innovation.of_map, gain)
+    found = model.on_map(model.felt(innovation, every), there)
     return np.concatenate([found.states, found.anchors]), innovation, trend
 
 

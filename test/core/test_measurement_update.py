@@ -21,7 +21,7 @@ from tactile_localizer.core.hypotheses.explanations import Explanations
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.gain import RECENT, Gain
 from tactile_localizer.core.likelihood.material import Material
-from tactile_localizer.core.likelihood.sweep_mixture import OnMap
+from tactile_localizer.core.likelihood.on_map import OnMap, Places
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.measurements import Measurements
 from tactile_localizer.core.scan.range import ScanRange
@@ -33,9 +33,11 @@ LINE = Scene(
 )
 LAYOUT, STEP, LENGTH = LINE.layout, 0.001, 0.004
 STATES = np.array([[0.02], [0.05], [0.08]])
-POSITION = np.array([-4.0, -6.0, -8.0])
-"""Log-likelihoods of the states by the variance of the sweep."""
+ON_MAP, SCATTERED = np.array([-1.0, -2.0, -3.0]), np.array([-4.0, -6.0, -8.0])
+"""Log-likelihoods of the states as the scan expects strains, and with a covariance of the sweep's own."""
 FAR = math.log(1e9)
+WITHIN = np.kron(np.eye(2), np.ones((2, 2)))
+"""Blocks of the phalanges."""
 
 
 class FilterByHand:
@@ -68,8 +70,9 @@ class ModelByHand:
     def __init__(self, record: dict[str, list[Any]] | None = None) -> None:
         self.record = record if record is not None else {}
         self.noise, self.material = noise_model(LAYOUT), Material.SHEET
-        self.excess, self.gain_variance = np.zeros(4), 0.1
-        self.squared, self.other_log, self.at_anchors = np.ones((2, 3)), 0.0, 0.0
+        self.excess, self.gain_variance = np.zeros((4, 4)), 0.1
+        self.residuals, self.other_log, self.at_anchors = np.ones((3, 4)), 0.0, 0.0
+        self.covariance: np.ndarray | None = None
         self.drift = SimpleNamespace(start=self._start)
         self.other = SimpleNamespace(start=lambda: np.zeros((7, 2)), update=self._other)
 
@@ -96,6 +99,23 @@ class ModelByHand:
         model.noise = noise_model(LAYOUT, 2.0)
         return model
 
+    def with_covariance(self, covariance: np.ndarray) -> ModelByHand:
+        self._note("with_covariance", self, covariance)
+        model = ModelByHand(self.record)
+        model.covariance = covariance
+        model.noise = noise_model(LAYOUT, 3.0)
+        return model
+
+    def direction(self, strain: np.ndarray) -> np.ndarray:
+        return np.array([1.0, 0.0, 0.0, 1.0]) * np.abs(strain)
+
+    def felt(self, innovation: Innovation, used: np.ndarray) -> tuple[ModelByHand, np.ndarray]:
+        return self, used
+
+    def moments(self, felt: Any, places: Places, weights: np.ndarray) -> np.ndarray:
+        self._note("moments", felt, weights)
+        return np.einsum("p,pi,pj->ij", weights, self.residuals, self.residuals) * WITHIN
+
     def map_at(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         self._note("map_at", self, places.copy())
         return np.arange(len(places)), np.zeros((len(places), 4), dtype=np.float32)
@@ -109,14 +129,12 @@ class ModelByHand:
         return innovation.of_strain + 1.0, np.array([0.1, 0.2])
 
     def on_map(self, *given: Any) -> OnMap:
-        self._note("on_map", *given)
-        nodes, states = given[:2]
+        (_, used), (nodes, states, _, gain) = given
+        self._note("on_map", gain, used)
         information = np.ones((2, 1)) * np.arange(len(nodes))
         return OnMap(
-            np.array([-1.0, -2.0, -3.0]),
+            (ON_MAP if self.covariance is None else SCATTERED).copy(),
             np.full(len(nodes) - states, self.at_anchors),
-            POSITION,
-            self.squared,
             information,
             -0.5 * information,
         )
@@ -148,27 +166,45 @@ def move(of: Localizer, steps: int = 1, strain: np.ndarray | None = None, step: 
     return estimate
 
 
-def test_the_scale_of_a_sweep_is_the_mean_of_its_recent_squared_residuals() -> None:
+def test_the_scatter_of_a_sweep_is_that_of_its_recent_residuals_where_it_may_be() -> None:
     """Of a whole measurement; at first over all of them, then over a feature's length."""
-    of, scale, (fitting, _) = localizer(), np.ones(2), bayes(np.array([0.5, 0.3, 0.2]), POSITION)
+    of, moments, (fitting, _) = localizer(), np.eye(4), bayes(np.array([0.5, 0.3, 0.2]), ON_MAP)
+    of.model.residuals = np.array([[0.3, 0.6, 0.1, 0.0], [0.2, -0.3, 0.0, 0.1], [0.0, 0.0, 0.0, 0.0]])
     for n in range(1, round(2.0 * RECENT / STEP)):
-        of.model.squared = np.array([[n, 2.0 * n, 0.0], [0.5, 0.5, 0.5]])
         move(of)
-        np.testing.assert_allclose(of.model.given("on_map")[4], scale)
-        mean = of.model.squared @ fitting
-        scale = scale + max(STEP / RECENT, 1.0 / n) * (mean - scale)
+        mean = np.einsum("p,pi,pj->ij", fitting, of.model.residuals, of.model.residuals) * WITHIN
+        moments = moments + max(STEP / RECENT, 1.0 / n) * (mean - moments)
+        np.testing.assert_allclose(of._sweep.scatter.moments, moments, atol=1e-12)
+        independent = min(STEP / LENGTH * RECENT / STEP, n)
+        assert of._sweep.scatter.measurements == pytest.approx(independent)
+
+
+def test_what_scatters_along_the_strain_is_noise_everywhere_and_else_for_the_position_alone() -> None:
+    """So that a place far off, and other material, are compared with the map under the same noise."""
+    for felt, on_map in (([9.0, 0.0, 0.0, 0.0], SCATTERED), ([0.0, 9.0, 0.0, 0.0], ON_MAP)):
+        of = localizer()
+        of.model.residuals = np.tile(felt, (3, 1))
+        move(of, 30)
+        of.filter.likelihoods.clear()
+        estimate = move(of)
+        np.testing.assert_allclose(of.filter.likelihoods[-1], STEP / LENGTH * SCATTERED)
+        volume, tracked = -4.0 * math.log(3.0), 0.0  # of the belief by hand, under one noise
+        if on_map is ON_MAP:
+            volume, tracked = 0.0, bayes(np.array([0.5, 0.3, 0.2]), STEP / LENGTH * ON_MAP)[1] * LENGTH / STEP
+        assert estimate.log_marginal == pytest.approx(tracked + volume)
+        assert estimate.log_other == pytest.approx(volume)
 
 
 def test_the_gain_of_each_trajectory_takes_in_its_own_residuals() -> None:
     of, fraction = localizer(), STEP / LENGTH
     move(of)
-    start = of.model.given("on_map")[3]
+    start = of.model.given("on_map")[0]
     information = np.arange(start.mean.shape[1])
     of.filter.ancestors = np.array([2, 2, 0])
     move(of)
     expected = start.updated(information, -0.5 * information, fraction)
     expected = expected.followed(np.r_[2, 2, 0, 3 : len(information)]).predicted(STEP, 0.1)
-    for found, each in zip(of.model.given("on_map")[3], expected, strict=True):
+    for found, each in zip(of.model.given("on_map")[0], expected, strict=True):
         np.testing.assert_allclose(found, each, rtol=1e-6)
     begun = Gain.start(2, len(information), 0.1)
     np.testing.assert_allclose(start.variance, begun.variance)
@@ -180,14 +216,14 @@ def test_all_parts_of_an_update_have_its_exponent_and_travel() -> None:
     exponent = STEP / LENGTH
     assert of.model.given("innovation")[-2:] == pytest.approx((STEP, exponent))
     assert of.model.given("other")[-2:] == pytest.approx((STEP, exponent))
-    np.testing.assert_allclose(of.filter.likelihoods[-1], exponent * POSITION)
+    np.testing.assert_allclose(of.filter.likelihoods[-1], exponent * ON_MAP)
     assert of.filter.predicted[-1][1] == pytest.approx(STEP)
 
 
 def test_a_long_step_is_worth_no_more_than_an_independent_measurement() -> None:
     of = localizer()
     move(of, 2, step=5.0 * LENGTH)
-    np.testing.assert_allclose(of.filter.likelihoods[-1], POSITION)
+    np.testing.assert_allclose(of.filter.likelihoods[-1], ON_MAP)
 
 
 def test_what_is_felt_off_the_map_is_the_innovation_with_its_level() -> None:
@@ -227,7 +263,7 @@ def test_what_is_new_of_a_state_was_tracked_before() -> None:
     found = of.model.given("innovation")[0].of_map[0, :3, 0]
     mean = of.filter.weights() @ trend.of_map[0, :3, 0]
     np.testing.assert_allclose(found, trend.of_map[0, 0, 0] + np.array([0.0, 0.75, 1.0]) * mean, rtol=1e-6)
-    new = of.model.given("on_map")[3].mean[:, 2:3]
+    new = of.model.given("on_map")[0].mean[:, 2:3]
     np.testing.assert_allclose(new, gain.averaged(of.filter.weights()).predicted(STEP, 0.1).mean, rtol=1e-6)
 
 
@@ -246,6 +282,7 @@ def test_anchors_move_with_the_palm() -> None:
 def test_what_left_the_scene_counts_as_other_material() -> None:
     """And whether this is the map is judged by the variance of the scan, not by that of the sweep."""
     of = localizer()
+    of.model.residuals = np.tile([0.0, 9.0, 9.0, 0.0], (3, 1))
     move(of)
     expected = of.explanations.predict(STEP, 0.6, np.zeros(len(of._anchors), dtype=bool))
     of.filter.left = 0.6
@@ -288,7 +325,7 @@ def test_the_sweep_is_whitened_anew_where_its_noise_has_changed_and_not_otherwis
         noisy = move(of, strain=np.array([30.0, 1.0, 1.0, 1.0]) * rng.standard_normal(4))
     made = of.model.record["with_noise"]
     assert all(model is of.model for model, _ in made)
-    assert made[-1][1][0] > 30.0
+    assert made[-1][1][0, 0] > 30.0
     assert len(made) < 40, "a fifth more or less is no change"
     used = of.model.given("map_at")[0]
     np.testing.assert_array_equal(used.excess, made[-1][1])
@@ -300,7 +337,7 @@ def test_the_noise_of_a_mean_is_that_of_a_strain_over_their_number(strains: int)
     of, rng = localizer(), np.random.default_rng(0)
     for n in range(200):
         of.update(20_000_000 * n, np.array([n * STEP / strains]), 30.0 * rng.standard_normal(4))
-    assert of.model.given("map_at")[0].excess.mean() == pytest.approx(900.0 / strains, rel=0.4)
+    assert of.model.given("map_at")[0].excess.diagonal().mean() == pytest.approx(900.0 / strains, rel=0.4)
 
 
 def test_a_gauge_that_stands_still_is_all_noise_and_its_phalanx_counts_by_the_others() -> None:
@@ -310,10 +347,10 @@ def test_a_gauge_that_stands_still_is_all_noise_and_its_phalanx_counts_by_the_ot
         strain[1] = 0.05
         move(of, strain=strain)
     assert len(of.model.record["with_noise"]) == 1, "it is still all noise"
-    excess = of.model.given("map_at")[0].excess
+    excess = of.model.given("map_at")[0].excess.diagonal()
     assert excess[1] >= 1e9
     assert excess[[0, 2, 3]].max() < 1.0
-    assert of.model.given("on_map")[5].tolist() == [True, True]
+    assert of.model.given("on_map")[1].tolist() == [True, True]
     assert of.model.given("other")[3].tolist() == [True, True]
 
 
@@ -321,7 +358,7 @@ def test_an_absent_phalanx_does_not_count() -> None:
     of = localizer()
     move(of)
     of.update(10**9, np.array([0.02]), np.full(4, 0.1), np.array([False, True]))
-    assert of.model.given("on_map")[5].tolist() == [False, True]
+    assert of.model.given("on_map")[1].tolist() == [False, True]
     assert of.model.given("other")[3].tolist() == [False, True]
 
 

@@ -110,7 +110,7 @@ def test_the_fraction_outside_the_range_is_a_mean_at_first_and_fades_over_what_i
 
 def test_noise_beyond_that_of_the_scan_is_in_the_excess() -> None:
     plain, noisy = (
-        fed(measurements(), DISTANCE * np.arange(400), WIDTH * factor * NOISE)[-1].excess
+        fed(measurements(), DISTANCE * np.arange(400), WIDTH * factor * NOISE)[-1].excess.diagonal()
         for factor in (np.ones(4), np.array([1.0, 1.0, 5.0, 1.0]))
     )
     assert plain.max() < 0.5 * WIDTH**2
@@ -126,10 +126,10 @@ def test_what_is_absent_or_stands_still_is_all_noise() -> None:
     stuck = fed(of, x, strains)[-1]
     assert of.stuck.tolist() == [False, True, False, False]
     assert stuck.used.tolist() == [True, True]
-    assert (stuck.excess > 1e6 * WIDTH**2).tolist() == [False, True, False, False]
+    assert (stuck.excess.diagonal() > 1e6 * WIDTH**2).tolist() == [False, True, False, False]
     absent = fed(measurements(), x, NOISE, np.array([False, True]))[-1]
     assert absent.used.tolist() == [False, True]
-    assert (absent.excess > 1e6 * WIDTH**2).tolist() == [True, True, False, False]
+    assert (absent.excess.diagonal() > 1e6 * WIDTH**2).tolist() == [True, True, False, False]
 
 
 def test_stamps_in_another_unit_are_refused_and_those_that_go_back_are_noticed() -> None:

@@ -62,13 +62,9 @@ class NoiseModel:
     turning: np.ndarray
     white: WhiteNoise
 
-    def rewhitening(self, excess: np.ndarray) -> np.ndarray:
-        """Transform (W, W) of whitened strains that whitens a noisier visit.
-
-        ``excess`` (C,), V^2, is the variance by which each raw channel is noisier.
-        """
-        covariance = np.eye(self.layout.size) + (self.whitening * excess) @ self.whitening.T
-        return np.linalg.inv(np.linalg.cholesky(covariance))
+    def with_excess(self, excess: np.ndarray) -> np.ndarray:
+        """Covariance (W, W) of whitened strains of which the raw channels have an ``excess`` (C, C), V^2."""
+        return np.asarray(np.eye(self.layout.size) + self.whitening @ excess @ self.whitening.T)
 
     def whitened(self, strain: np.ndarray) -> np.ndarray:
         """Strains (..., C), V, in whitened coordinates."""

@@ -11,12 +11,15 @@ import numpy as np
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core import compiled
+from tactile_localizer.core.likelihood.drift import OUTLIER
 from tactile_localizer.core.likelihood.gain import Gain
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM, log_density, mahalanobis, weight
 
 _ALIKE = 0.3
 """Difference of two components, in noise widths of a visit, below which they are one. It saves time."""
+_FITS = 1e-3
+"""Weight of a place, in that of the likeliest, from which its residual counts. It saves time."""
 _MEAN_SQUARE = DEGREES_OF_FREEDOM / (DEGREES_OF_FREEDOM - 2.0)
 """Variance of the t-distribution, in that of its scale."""
 _LARGEST_LOG_RATIO = 700.0
@@ -79,15 +82,12 @@ class Felt(NamedTuple):
     level_variance : (F,) float32, of its level
     transform : (C, C) float32: ``of_map @ transform`` is whitened as the strain is; it has an upper triangle
         for each phalanx. ``None``: the map is whitened alike
-    scale : (F,) float32, at least one, of the squared residuals of the sweep, in those of the scan; ``None``:
-        all one
     used : (F,) bool, phalanges that count
     """
 
     strain: np.ndarray
     level_variance: np.ndarray
     transform: np.ndarray | None
-    scale: np.ndarray | None
     used: np.ndarray
 
 
@@ -113,17 +113,13 @@ class OnMap(NamedTuple):
 
     Parameters
     ----------
-    states, anchors : (P,) and (R,) log-likelihoods under the variance of a visit in the scan
-    position : (P,) log-likelihoods under the variance of the sweep at hand
-    squared : (F, P) squared residuals, in those expected in the scan
+    states, anchors : (P,) and (R,) log-likelihoods
     information, product : (F, N) squared signal, and its product with the residual, over the variance; those
         of an outlier count as by the weights of the t-distribution
     """
 
     states: np.ndarray
     anchors: np.ndarray
-    position: np.ndarray
-    squared: np.ndarray
     information: np.ndarray
     product: np.ndarray
 
@@ -154,14 +150,12 @@ class _Residuals(NamedTuple):
         """Those of ``values`` (F, n + N) that belong to the first components, (F, N)."""
         return values[:, len(self.place) :]
 
-    def likelihoods(
-        self, variance: np.ndarray, channels: np.ndarray, used: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Log-likelihoods (N,) of the phalanges ``used`` (F,) bool, with ``variance`` (F, n + N) of a visit.
+    def likelihoods(self, channels: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Log-likelihoods (N,) of the phalanges ``used`` (F,) bool.
 
         And the squared Mahalanobis lengths (F, n + N) of the residuals.
         """
-        total = variance + self.along
+        variance, total = self.variance, self.variance + self.along
         lengths = mahalanobis(self.squared, variance, self.projected, total)
         plain = log_density(lengths, variance, total, channels) + self.log_prior
         first, place = self.first(plain).astype(np.float64), self.place
@@ -210,38 +204,54 @@ class MapLikelihood:
 
     def _compiled(self, felt: Felt, places: Places) -> OnMap:
         assert compiled.MODULE is not None
-        (nodes, states, of_map, gain), scale, used = places, felt.scale, felt.used
-        count, phalanges = len(nodes), len(used)
-        likelihoods, position = np.empty(count), np.empty(states)
-        lengths = np.empty((phalanges, states), dtype=np.float32)
+        nodes, states, of_map, gain = places
+        count, phalanges = len(nodes), len(felt.used)
+        likelihoods = np.empty(count)
         information, product = np.empty((2, phalanges, count), dtype=np.float32)
         if felt.transform is not None:
             of_map = of_map @ felt.transform
         there = nodes, of_map, *gain, self._bounds
-        whitened = felt.strain, felt.transform, felt.level_variance, scale, used
-        found = likelihoods, position, lengths, information, product
+        whitened = felt.strain, felt.transform, felt.level_variance, felt.used
+        found = likelihoods, information, product
         compiled.MODULE.on_map(*self._components[1:], *there, *whitened, DEGREES_OF_FREEDOM, states, *found)
-        lengths /= _MEAN_SQUARE * self._channels
-        at_states = likelihoods[:states]
-        position = at_states if scale is None else position
-        return OnMap(at_states, likelihoods[states:], position, lengths, information, product)
+        return OnMap(likelihoods[:states], likelihoods[states:], information, product)
 
     def _by_numpy(self, felt: Felt, places: Places) -> OnMap:
-        states, scale, used = places.states, felt.scale, felt.used
-        residuals = self._residuals(felt, places)
-        variance, channels = residuals.variance, self._channels
-        likelihoods, lengths = residuals.likelihoods(variance, channels, used)
-        at_states = position = likelihoods[:states]
-        squared = residuals.first(lengths)[:, :states] / (_MEAN_SQUARE * channels)
-        if scale is not None:
-            variance = variance * scale[:, None]
-            in_sweep, lengths = residuals.likelihoods(variance, channels, used)
-            position = in_sweep[:states]
-        counted = weight(residuals.first(lengths), channels) / residuals.first(variance)
+        states, residuals = places.states, self._residuals(felt, places)
+        likelihoods, lengths = residuals.likelihoods(self._channels, felt.used)
+        counted = weight(residuals.first(lengths), self._channels) / residuals.first(residuals.variance)
         information, product = (
             counted * residuals.first(each) for each in (residuals.energy, residuals.product)
         )
-        return OnMap(at_states, likelihoods[states:], position, squared, information, product)
+        return OnMap(likelihoods[:states], likelihoods[states:], information, product)
+
+    def moments(self, felt: Felt, places: Places, weights: np.ndarray) -> np.ndarray:
+        """Second moments (C, C) of the residuals from the first components, a block per phalanx.
+
+        In the variance of a visit, averaged with the ``weights`` (P,) of the states; those of an outlier are
+        bounded.
+        """
+        of_map, spread = places.of_map, self._components.spread
+        if felt.transform is not None:
+            of_map = of_map @ felt.transform
+        least = _FITS * float(weights.max())
+        if compiled.MODULE is not None:
+            found = np.empty((of_map.shape[1],) * 2)
+            there = places.nodes, of_map, places.gain.mean, self._bounds
+            whitened = felt.strain, felt.level_variance
+            compiled.MODULE.scatter(spread, *there, *whitened, weights, least, OUTLIER, found)
+            return found / _MEAN_SQUARE
+        fits = np.flatnonzero(weights > least)
+        variance = (spread[:-1].take(places.nodes[fits], axis=1) + felt.level_variance[:, None]).T
+        gain = places.gain.mean.take(fits, axis=1).T.astype(np.float64) @ self._rows
+        residuals = felt.strain - gain * of_map.take(fits, axis=0)
+        squared = np.square(residuals) @ self._rows.T / (variance * self._channels.T)
+        counted = np.minimum(OUTLIER / np.maximum(squared, OUTLIER), 1.0) * (weights[fits, None] / variance)
+        found = np.zeros((of_map.shape[1],) * 2)
+        for phalanx, begin in enumerate(self._bounds[:-1].tolist()):
+            own = slice(begin, int(self._bounds[phalanx + 1]))
+            found[own, own] = (residuals[:, own].T * counted[:, phalanx]) @ residuals[:, own]
+        return found / _MEAN_SQUARE
 
     def _residuals(self, felt: Felt, places: Places) -> _Residuals:
         """Residuals of a strain from the components at states and anchors."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from tactile_localizer.core.likelihood.drift import Drift, Innovation, Trend
-from tactile_localizer.core.likelihood.gain import LEAST_VARIANCE, Gain
+from tactile_localizer.core.likelihood.gain import LEAST_VARIANCE
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.on_map import Felt, MapLikelihood, OnMap, Places
@@ -32,7 +33,7 @@ class SweepMixture:
 
     Attributes
     ----------
-    excess : (C,) V^2, by which the strains of the sweep have more noise than the scan's
+    excess : (C, C) V^2, covariance by which the strains of the sweep have more noise than the scan's
     """
 
     def __init__(
@@ -43,28 +44,40 @@ class SweepMixture:
         other: OtherMaterial,
         material: Material,
     ) -> None:
-        self.noise, self.map, self.drift, self.other = noise, strain_map, drift, other
-        self.material = material
+        self.noise, self.map, self.drift, self.material = noise, strain_map, drift, material
+        self._other_in_scan = other
         layout = noise.layout
         self._map_likelihood = MapLikelihood(strain_map, layout)
         self.gain_variance = max(strain_map.gain, LEAST_VARIANCE)
         self._turns = bool(strain_map.turning.any())
-        self.excess = np.zeros(len(noise.centre))
+        self.excess = np.zeros((len(noise.centre),) * 2)
+        self._whitening = np.eye(noise.layout.size)
         self._transform: np.ndarray | None = None
 
     def with_noise(self, excess: np.ndarray) -> SweepMixture:
-        """The model of a sweep whose strains have more noise than the scan's, by ``excess`` (C,), V^2.
+        """The model of a sweep whose strains have more noise than the scan's, by ``excess`` (C, C), V^2."""
+        model = self.with_covariance(self.noise.with_excess(excess))
+        model.excess = excess
+        return model
+
+    def with_covariance(self, covariance: np.ndarray) -> SweepMixture:
+        """The model of strains whose residuals have a ``covariance`` (W, W), in the units of this model.
 
         It shares the tables: residuals are whitened anew when they are evaluated.
         """
-        model = copy.copy(self)
-        transform = self.noise.rewhitening(excess)
-        volume = [np.log(np.diag(transform)[own]).sum() for own in self.noise.layout.slices]
-        model.noise = replace(self.noise, log_volume=self.noise.log_volume + np.array(volume))
-        model.excess = excess
-        model.other = self.other.transformed(transform)
-        model._transform = np.ascontiguousarray(transform.T, dtype=np.float32)
+        model, transform = copy.copy(self), np.linalg.inv(np.linalg.cholesky(covariance))
+        volume = self.noise.layout.sum(np.log(transform.diagonal()))
+        model.noise = replace(self.noise, log_volume=self.noise.log_volume + volume)
+        model._whitening = transform @ self._whitening
+        model._transform = np.ascontiguousarray(model._whitening.T, dtype=np.float32)
+        model.__dict__.pop("other", None)
         return model
+
+    @cached_property
+    def other(self) -> OtherMaterial:
+        """Material that was not scanned."""
+        other = self._other_in_scan
+        return other if self._transform is None else other.transformed(self._whitening)
 
     def innovation(
         self,
@@ -117,30 +130,25 @@ class SweepMixture:
             of_strain = of_strain @ self._transform
         return of_strain, self.noise.layout.mean(innovation.level_variance)
 
-    def on_map(
-        self,
-        nodes: np.ndarray,
-        states: int,
-        innovation: Innovation,
-        gain: Gain,
-        scale: np.ndarray,
-        used: np.ndarray,
-    ) -> OnMap:
-        """Likelihoods of a strain at N places, of which the first P are states and the others anchors.
-
-        Parameters
-        ----------
-        nodes : (N,) of the map, nearest to the places
-        states : their number P
-        innovation : of the strain, and of the map at these N places
-        gain : of the sweep's signal along the trajectories to these N places
-        scale : (F,) of the squared residuals of the sweep, in those of the scan
-        used : (F,) bool, phalanges that count
-        """
+    def felt(self, innovation: Innovation, used: np.ndarray) -> Felt:
+        """The innovation of a strain, of which the phalanges ``used`` (F,) bool count, as it is compared."""
         of_strain, transform = innovation.of_strain.astype(np.float32), self._transform
         if transform is not None:
             of_strain = of_strain @ transform
         level_variance = self.noise.layout.mean(innovation.level_variance).astype(np.float32)
-        more = np.maximum(scale, 1.0).astype(np.float32) if (scale > 1.0).any() else None
-        felt = Felt(of_strain, level_variance, transform, more, used)
-        return self._map_likelihood.of(felt, Places(nodes, states, innovation.of_map, gain))
+        return Felt(of_strain, level_variance, transform, used)
+
+    def on_map(self, felt: Felt, places: Places) -> OnMap:
+        """Likelihoods of a strain at states and anchors."""
+        return self._map_likelihood.of(felt, places)
+
+    def moments(self, felt: Felt, places: Places, weights: np.ndarray) -> np.ndarray:
+        """Second moments (W, W) of the residuals of a strain at the states, of ``weights`` (P,).
+
+        In the variance of a visit, a block per phalanx.
+        """
+        return self._map_likelihood.moments(felt, places, weights)
+
+    def direction(self, strain: np.ndarray) -> np.ndarray:
+        """Where a force that varies moves a strain (C,), V, in whitened coordinates (W,): along itself."""
+        return np.asarray(self._whitening @ (self.noise.whitening @ strain))

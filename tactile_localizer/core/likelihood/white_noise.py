@@ -1,6 +1,7 @@
-"""White noise of each raw channel, from second differences of successive strains.
+"""White noise of the raw channels, from second differences of successive strains.
 
-It needs no map, and so it can be measured in the sweep at hand and compared with that of the scan.
+It needs no map, and so it can be measured in the sweep at hand and compared with that of the scan. What makes
+a sweep noisier may be common to its channels, as a force that trembles is.
 """
 
 import math
@@ -99,6 +100,7 @@ class SweepNoise:
         self._variance = self._of_scan.variance[0] + 1e-300
         self._spacing = self._of_scan.spacing[0]
         self._present, self._strains = b"", 0
+        self._noisy, self._products = False, np.eye(len(self._variance))
         self._begin()
 
     def _begin(self) -> None:
@@ -124,7 +126,8 @@ class SweepNoise:
         # Before the third strain nothing is predicted: either of the two may be the spike.
         is_predicted = self._step is not None
         predicted = self._kept if self._step is None else self._kept + self._step
-        squares = np.square(strain - predicted) / (6.0 * self._variance)
+        difference = strain - predicted
+        squares = np.square(difference) / (6.0 * self._variance)
         off = squares > _SPIKE**2
         jumps = bool(np.count_nonzero(off))
         if jumps or self._jumped:
@@ -135,7 +138,11 @@ class SweepNoise:
             self._jumped = bool(np.count_nonzero(self._off))
         if is_predicted:
             gain = self._gain
-            change = (np.minimum(squares, _BOUND) - _MEAN) * gain
+            bounded = np.minimum(squares, _BOUND)
+            if self._noisy:
+                felt = np.copysign(np.sqrt(bounded), difference) * present
+                self._products += gain * (np.outer(felt, felt) - self._products)
+            change = (bounded - _MEAN) * gain
             self._variance = self._variance * (1.0 + change * present)
             self._spacing += (travel - self._spacing) * gain
         step = strain - self._kept
@@ -143,16 +150,30 @@ class SweepNoise:
         return strain
 
     def excess(self, pitch: float) -> np.ndarray:
-        """Variance (C,), V^2, by which the noise of a mean over ``pitch`` metres exceeds the scan's.
+        """Covariance (C, C), V^2, by which the noise of a mean over ``pitch`` metres exceeds the scan's.
 
-        Zero where it does so by less than :data:`_SIGNIFICANT` standard errors of the scan's noise.
+        Zero of channels that do so by less than :data:`_SIGNIFICANT` standard errors of the scan's noise.
         """
         usual = self._of_scan.at(self._spacing)
         noisy = self._variance > usual * (1.0 + _SIGNIFICANT * _ERROR * math.sqrt(self._gain))
-        if not np.count_nonzero(noisy):
-            return np.zeros_like(usual)
+        self._noisy = bool(np.count_nonzero(noisy))
+        if not self._noisy:
+            return np.zeros_like(self._products)
         more = np.where(noisy, self._variance - usual, 0.0)
-        return np.asarray(more / max(pitch / max(self._spacing, 1e-9), 1.0))
+        width = np.sqrt(more / max(pitch / max(self._spacing, 1e-9), 1.0))
+        return np.asarray(width[:, None] * self._correlation() * width)
+
+    def _correlation(self) -> np.ndarray:
+        """Correlation (C, C) of the channels, shrunk by what chance adds (Schaefer and Strimmer, 2005)."""
+        width = np.sqrt(np.maximum(self._products.diagonal(), 1e-300))
+        found = self._products / np.outer(width, width)
+        np.fill_diagonal(found, 0.0)
+        squares = np.square(found)
+        chance = np.square(1.0 - squares) * (_ERROR**2 * self._gain)
+        np.fill_diagonal(chance, 0.0)
+        found *= max(1.0 - float(chance.sum()) / max(float(squares.sum()), 1e-300), 0.0)
+        np.fill_diagonal(found, 1.0)
+        return found
 
     @property
     def _gain(self) -> float:

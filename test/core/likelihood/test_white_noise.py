@@ -31,7 +31,7 @@ def mean_excess(strain: np.ndarray, spacing: float, pitch: float | None = None) 
     sweep, found = SweepNoise(SCAN), []
     for row in strain:
         sweep.observe(row, EVERY, spacing)
-        found.append(sweep.excess(spacing if pitch is None else pitch))
+        found.append(sweep.excess(spacing if pitch is None else pitch).diagonal())
     return np.asarray(np.mean(found[200:], axis=0) / WIDTH**2)
 
 
@@ -66,10 +66,33 @@ def test_a_channel_of_ten_noise_widths_is_known_within_thirty_strains() -> None:
         sweep.reset()
         for row in felt(PITCH, seed, np.array([1.0, 100.0, 1.0]))[:30]:
             sweep.observe(row, EVERY, PITCH)
-        found.append(sweep.excess(PITCH) / WIDTH**2)
+        found.append(sweep.excess(PITCH).diagonal() / WIDTH**2)
     excess = np.array(found)
     assert np.median(excess[:, 1]) > 20.0
     assert np.mean(excess[:, [0, 2]] > 0.0) < 0.1
+
+
+def test_noise_that_is_common_to_the_channels_leaves_their_differences_as_they_were() -> None:
+    """As of a force that trembles."""
+    common = 10.0 * np.random.default_rng(4).standard_normal((1000, 1))
+    sweep, found = SweepNoise(SCAN), []
+    for row in felt(PITCH, 9)[:1000] + WIDTH * common:
+        sweep.observe(row, EVERY, PITCH)
+        found.append(sweep.excess(PITCH) / np.outer(WIDTH, WIDTH))
+    excess, across = np.mean(found[200:], axis=0), np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
+    np.testing.assert_allclose(excess.diagonal(), 100.0, rtol=0.2)
+    assert across @ excess @ across < 5.0
+
+
+def test_noise_that_is_not_common_is_not_by_chance() -> None:
+    """Twelve strains have large correlations."""
+    smallest = []
+    for seed in range(20):
+        sweep = SweepNoise(SCAN)
+        for row in felt(PITCH, seed, 25.0)[:12]:
+            sweep.observe(row, EVERY, PITCH)
+        smallest.append(np.linalg.eigvalsh(sweep.excess(PITCH) / np.outer(WIDTH, WIDTH))[0])
+    assert np.median(smallest) > 3.0
 
 
 def test_a_mean_of_strains_has_a_part_of_their_noise() -> None:
@@ -81,7 +104,7 @@ def test_a_channel_that_is_absent_keeps_its_noise() -> None:
     sweep = SweepNoise(SCAN)
     for row in felt(PITCH, 9, 5.0):
         sweep.observe(np.where([True, False, True], row, 1e9), np.array([True, False, True]), PITCH)
-    excess = sweep.excess(PITCH)
+    excess = sweep.excess(PITCH).diagonal()
     assert excess[1] == 0.0
     assert (excess[[0, 2]] > WIDTH[[0, 2]] ** 2).all()
     sweep.reset()
@@ -133,4 +156,4 @@ def test_much_more_noise_is_known_after_a_dozen_strains() -> None:
     sweep = SweepNoise(SCAN)
     for strain in felt(PITCH, 9, 25.0)[:12]:
         sweep.observe(strain, EVERY, PITCH)
-    assert (sweep.excess(PITCH) > 3.0 * WIDTH**2).all()
+    assert (sweep.excess(PITCH).diagonal() > 3.0 * WIDTH**2).all()

@@ -1,0 +1,130 @@
+"""Scatter of a sweep's residuals about the map, which another force than in the scan makes larger.
+
+A force that varies moves all channels together, so that residuals scatter in a few directions only. A
+variance that is larger in these directions leaves the others as informative as they were.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactile_localizer.channels import ChannelLayout
+
+SCATTERED = 2.0
+"""Standard deviations of the strain, in those of the scan, from which another force is felt. By judgement."""
+
+
+class Scatter(NamedTuple):
+    """Second moments of the residuals of a sweep, in the variance expected under the scan's conditions.
+
+    Parameters
+    ----------
+    layout : whitened directions by phalanx
+    moments : (C, C), a block per phalanx
+    measurements : number of independent measurements over which they are averaged
+    variance : (F,) their mean over the directions of each phalanx
+    most : (F,) that no direction exceeds: the root of the sum of their squares
+    """
+
+    layout: ChannelLayout
+    moments: np.ndarray
+    measurements: float
+    variance: np.ndarray
+    most: np.ndarray
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether there is nothing that the scan's conditions do not explain."""
+        large = (self.variance > 1.0) | (self.most > _edge(self.layout.widths, self.measurements))
+        return not np.count_nonzero(large)
+
+    @classmethod
+    def of(cls, layout: ChannelLayout, moments: np.ndarray, measurements: float) -> Scatter:
+        """The scatter of these moments."""
+        variance = layout.mean(moments.diagonal())
+        most = np.sqrt(layout.sum(np.add.reduce(np.square(moments), axis=1)))
+        return cls(layout, moments, measurements, variance, most)
+
+    @classmethod
+    def start(cls, layout: ChannelLayout) -> Scatter:
+        """Before the first strain: that of the scan."""
+        return cls.of(layout, np.eye(layout.size), 1.0)
+
+    def after(self, moments: np.ndarray, used: np.ndarray, share: float, measurements: float) -> Scatter:
+        """The scatter after a strain.
+
+        Parameters
+        ----------
+        moments : (C, C) of its residuals, where the hand may be
+        used : (F,) bool, phalanges that count
+        share : weight of the strain in the mean
+        measurements : number of independent ones over which the mean then is
+        """
+        counted = share if used.all() else share * self.layout.expand(used)
+        return Scatter.of(self.layout, self.moments + counted * (moments - self.moments), measurements)
+
+    def along(self, direction: np.ndarray) -> np.ndarray | None:
+        """Covariance (C, C) that is larger along one direction (C,) of each phalanx; ``None``: along none.
+
+        A force that varies multiplies what a sensor feels above its zero, which is known without a map. It
+        does where the strain scatters along it by more than :data:`SCATTERED`, in what it does across it.
+        """
+        layout, edge = self.layout, max(_edge(1, self.measurements), SCATTERED**2)
+        if not np.count_nonzero(self.most > edge):
+            return None
+        direction = direction / max(float(np.abs(direction).max()), 1e-300)  # its square may be no number
+        length = np.maximum(layout.sum(np.square(direction)), 1e-300)
+        along = layout.sum(direction * (self.moments @ direction)) / length
+        others = (layout.sum(self.moments.diagonal()) - along) / np.maximum(layout.widths - 1, 1)
+        more = along / np.maximum(others, 1.0)
+        if not np.count_nonzero(more > edge):
+            return None
+        width = direction * layout.expand(np.sqrt(np.where(more > edge, more - 1.0, 0.0) / length))
+        return np.asarray(np.eye(layout.size) + self._within(np.outer(width, width)))
+
+    def covariance(self, known: np.ndarray | None) -> np.ndarray | None:
+        """Covariance (C, C) of the residuals; ``None``: that of the scan.
+
+        It has the directions in which the moments exceed those of the others by more than chance (the edge of
+        Marchenko and Pastur, 1967), the largest first; the other directions have their mean.
+
+        Parameters
+        ----------
+        known : (C, C) covariance, as from :meth:`along`, besides which there may be others; ``None``: no such
+        """
+        if known is not None:
+            root = np.linalg.cholesky(known)
+            left = np.linalg.solve(root, np.linalg.solve(root, self.moments).T)
+            found = Scatter.of(self.layout, left, self.measurements).covariance(None)
+            return known if found is None else np.asarray(root @ found @ root.T)
+        if self.is_usual:
+            return None
+        layout, even = self.layout, np.maximum(self.variance, 1.0)
+        distinct = self.most > even * _edge(layout.widths, self.measurements)
+        found = np.diag(layout.expand(even))
+        for phalanx in np.flatnonzero(distinct).tolist():
+            own = layout.slices[phalanx]
+            found[own, own] = _directions(self.moments[own, own], self.measurements)
+        return found
+
+    def _within(self, matrix: np.ndarray) -> np.ndarray:
+        """The blocks of the phalanges of a ``matrix`` (C, C), and zero elsewhere."""
+        return matrix * np.equal.outer(self.layout.phalanx, self.layout.phalanx)
+
+
+def _directions(moments: np.ndarray, measurements: float) -> np.ndarray:
+    """The same covariance of one phalanx, of its ``moments`` (C, C)."""
+    values, vectors = np.linalg.eigh(moments)
+    others, edge = len(values), _edge(len(values), measurements)
+    while others > 1 and values[others - 1] > edge * max(values[:others].mean(), 1.0):
+        others -= 1
+    even, distinct = max(values[:others].mean(), 1.0), vectors[:, others:]
+    found = np.diag(np.full(len(values), even))
+    return np.asarray(found + distinct * (values[others:] - even) @ distinct.T)
+
+
+def _edge(directions: Any, measurements: float) -> Any:
+    """Largest ratio of moments that comes by chance, of as many directions and measurements."""
+    return (1.0 + np.sqrt(directions / measurements)) ** 2
