@@ -107,7 +107,7 @@ class Scatter(NamedTuple):
         for phalanx in np.flatnonzero(distinct).tolist():
             own = layout.slices[phalanx]
             found[own, own] = _directions(self.moments[own, own], self.measurements)
-        return found
+        return None if np.array_equal(found, np.eye(layout.size)) else found
 
     def _within(self, matrix: np.ndarray) -> np.ndarray:
         """The blocks of the phalanges of a ``matrix`` (C, C), and zero elsewhere."""
@@ -120,9 +120,8 @@ def _directions(moments: np.ndarray, measurements: float) -> np.ndarray:
     others, edge = len(values), _edge(len(values), measurements)
     while others > 1 and values[others - 1] > edge * max(values[:others].mean(), 1.0):
         others -= 1
-    even, distinct = max(values[:others].mean(), 1.0), vectors[:, others:]
-    found = np.diag(np.full(len(values), even))
-    return np.asarray(found + distinct * (values[others:] - even) @ distinct.T)
+    even, distinct = max(float(values[:others].mean()), 1.0), vectors[:, others:]
+    return np.asarray(even * np.eye(len(values)) + distinct * (values[others:] - even) @ distinct.T)
 
 
 def _edge(directions: Any, measurements: float) -> Any:
