@@ -108,6 +108,14 @@ def test_speed_measures_the_tree_beside(tmp_path: Path) -> None:
     assert [path.parent.name for path in tmp_path.glob("*/imported")] == ["beside"]
 
 
+def test_forces_has_a_row_for_each_force(tmp_path: Path) -> None:
+    arguments = ("--seeds", "3", "--lengths", "18", "--offsets", "0", "--sweeps", "1", "--jobs", "1")
+    rows = rows_of(tmp_path, "forces.py", *arguments)
+    assert [row["force"] for row in rows] == ["grasp", "same", "trembles", "wanders"]
+    assert all(row["right"] + row["wrong"] + row["lost"] + row["never"] == 1 for row in rows)
+    assert sum(row["right"] for row in rows) >= 3
+
+
 def test_delays_are_found_of_strokes_there_and_back(bump: Path, tmp_path: Path) -> None:
     arguments = ("--delays", "0", ".1", "--errors", "--orders", "0", "3", "--jobs", "1")
     rows = rows_of(tmp_path, "delays.py", bump, *arguments)
