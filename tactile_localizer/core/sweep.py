@@ -23,8 +23,8 @@ class Evidence(NamedTuple):
 
     Parameters
     ----------
-    states, anchors : (P,) and (R,) at places of the map, under the variance of a visit in the scan
-    position : (P,) at the states, under the variance of the sweep at hand
+    states, anchors : (P,) and (R,) at places of the map, under the noise that it shares with other material
+    position : (P,) at the states, under the covariance of the sweep at hand
     other : of other material
     log_volume : (F,) logarithms of the volumes of the strains, for all but the position's
     innovation : of the strain, and of the map at states and anchors
@@ -100,7 +100,10 @@ class Sweep(NamedTuple):
             return self
         width = np.sqrt(model.noise.variance + self.model.excess.diagonal())
         changed = np.abs(excess - self.model.excess) > _CHANGED * np.outer(width, width)
-        return self._replace(model=model.with_noise(excess)) if np.count_nonzero(changed) else self
+        if not np.count_nonzero(changed):
+            return self
+        noisier = model.with_noise(excess)
+        return self._replace(model=noisier, scatter=self.scatter.moved(noisier.whitening_after(self.model)))
 
     def evidence(
         self,
@@ -172,6 +175,6 @@ class Sweep(NamedTuple):
         force = self.scatter.along(model.direction(strain))
         forced = model if force is None else model.with_covariance(force)
         covariance = self.scatter.covariance(force)
-        if covariance is force:
+        if covariance is None or covariance is force:
             return forced, forced
-        return forced, model if covariance is None else model.with_covariance(covariance)
+        return forced, model.with_covariance(covariance)

@@ -80,8 +80,8 @@ class Felt(NamedTuple):
     ----------
     strain : (C,) float32, its innovation, whitened
     level_variance : (F,) float32, of its level
-    transform : (C, C) float32: ``of_map @ transform`` is whitened as the strain is; it has an upper triangle
-        for each phalanx. ``None``: the map is whitened alike
+    transform : (C, C) float32: ``of_map @ transform`` is whitened as the strain is; it is an upper triangle,
+        of a sheet one for each phalanx. ``None``: the map is whitened alike
     used : (F,) bool, phalanges that count
     """
 

@@ -65,11 +65,17 @@ class Scatter(NamedTuple):
         counted = share if used.all() else share * self.layout.expand(used)
         return Scatter.of(self.layout, self.moments + counted * (moments - self.moments), measurements)
 
+    def moved(self, transform: np.ndarray) -> Scatter:
+        """The scatter of residuals that a ``transform`` (C, C) takes to other units."""
+        moments = self._within(transform @ self.moments @ transform.T)
+        return Scatter.of(self.layout, moments, self.measurements)
+
     def along(self, direction: np.ndarray) -> np.ndarray | None:
         """Covariance (C, C) that is larger along one direction (C,) of each phalanx; ``None``: along none.
 
         A force that varies multiplies what a sensor feels above its zero, which is known without a map. It
-        does where the strain scatters along it by more than :data:`SCATTERED`, in what it does across it.
+        does where the strain scatters along it by more than :data:`SCATTERED`, in what it does across it; of
+        a single channel nothing is across.
         """
         layout, edge = self.layout, max(_edge(1, self.measurements), SCATTERED**2)
         if not np.count_nonzero(self.most > edge):
@@ -78,7 +84,7 @@ class Scatter(NamedTuple):
         length = np.maximum(layout.sum(np.square(direction)), 1e-300)
         along = layout.sum(direction * (self.moments @ direction)) / length
         others = (layout.sum(self.moments.diagonal()) - along) / np.maximum(layout.widths - 1, 1)
-        more = along / np.maximum(others, 1.0)
+        more = np.where(layout.widths > 1, along / np.maximum(others, 1.0), 0.0)
         if not np.count_nonzero(more > edge):
             return None
         width = direction * layout.expand(np.sqrt(np.where(more > edge, more - 1.0, 0.0) / length))
@@ -87,8 +93,9 @@ class Scatter(NamedTuple):
     def covariance(self, known: np.ndarray | None) -> np.ndarray | None:
         """Covariance (C, C) of the residuals; ``None``: that of the scan.
 
-        It has the directions in which the moments exceed those of the others by more than chance (the edge of
-        Marchenko and Pastur, 1967), the largest first; the other directions have their mean.
+        It has the directions in which the moments exceed by more than chance (the edge of Marchenko and
+        Pastur, 1967) the mean of those that are not larger; these have their mean. Of few measurements no
+        direction is distinct, and all have one variance.
 
         Parameters
         ----------

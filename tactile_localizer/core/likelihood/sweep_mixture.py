@@ -73,6 +73,10 @@ class SweepMixture:
         model.__dict__.pop("other", None)
         return model
 
+    def whitening_after(self, other: SweepMixture) -> np.ndarray:
+        """Transform (W, W) to the coordinates of this model from those of an ``other`` one of the scan."""
+        return np.linalg.solve(other._whitening.T, self._whitening.T).T
+
     @cached_property
     def other(self) -> OtherMaterial:
         """Material that was not scanned."""

@@ -161,17 +161,20 @@ class SweepNoise:
             return np.zeros_like(self._products)
         more = np.where(noisy, self._variance - usual, 0.0)
         width = np.sqrt(more / max(pitch / max(self._spacing, 1e-9), 1.0))
-        return np.asarray(width[:, None] * self._correlation() * width)
+        return np.asarray(width[:, None] * self._correlation(noisy) * width)
 
-    def _correlation(self) -> np.ndarray:
-        """Correlation (C, C) of the channels, shrunk by what chance adds (Schaefer and Strimmer, 2005)."""
+    def _correlation(self, noisy: np.ndarray) -> np.ndarray:
+        """Correlation (C, C) of the channels, of which some are ``noisy`` (C,) bool.
+
+        It is shrunk by what chance adds to that of these (Schäfer and Strimmer, 2005).
+        """
         width = np.sqrt(np.maximum(self._products.diagonal(), 1e-300))
         found = self._products / np.outer(width, width)
         np.fill_diagonal(found, 0.0)
-        squares = np.square(found)
+        squares, pairs = np.square(found), np.outer(noisy, noisy)
+        np.fill_diagonal(pairs, False)
         chance = np.square(1.0 - squares) * (_ERROR**2 * self._gain)
-        np.fill_diagonal(chance, 0.0)
-        found *= max(1.0 - float(chance.sum()) / max(float(squares.sum()), 1e-300), 0.0)
+        found *= max(1.0 - float(chance[pairs].sum()) / max(float(squares[pairs].sum()), 1e-300), 0.0)
         np.fill_diagonal(found, 1.0)
         return found
 

@@ -85,6 +85,37 @@ def test_a_direction_that_is_known_needs_no_search() -> None:
     np.testing.assert_allclose(rest, 1.0, atol=0.4)
 
 
+def test_of_one_channel_no_direction_is_across_and_nothing_is_force() -> None:
+    """Else all that is not on the map would be explained by a force."""
+    layout = ChannelLayout((1, 1))
+    scatter = Scatter.of(layout, np.diag([400.0, 1.0]), MEASUREMENTS)
+    assert scatter.along(np.ones(2)) is None
+    covariance = scatter.covariance(None)
+    assert covariance is not None
+    np.testing.assert_allclose(covariance, np.diag([400.0, 1.0]))
+
+
+def test_in_other_units_the_scatter_is_that_of_the_residuals_in_them() -> None:
+    rng = np.random.default_rng(1)
+    transform = np.tril(rng.uniform(0.5, 1.0, (12, 12))) * WITHIN
+    residuals = rng.standard_normal((50, 12))
+    moments, moved = ((each.T @ each) / 50.0 * WITHIN for each in (residuals, residuals @ transform.T))
+    found = Scatter.of(LAYOUT, moments, MEASUREMENTS).moved(transform)
+    expected = Scatter.of(LAYOUT, moved, MEASUREMENTS)
+    np.testing.assert_allclose(found.moments, expected.moments)
+    np.testing.assert_allclose(found.variance, expected.variance)
+
+
+def test_few_measurements_have_no_distinct_direction_and_one_variance() -> None:
+    """Where the map's own errors are long, another direction is no more certain."""
+    moments = along(FORCE, 300.0)
+    few, more = (Scatter.of(LAYOUT, moments, count).covariance(None) for count in (2.0, 12.0))
+    assert few is not None
+    assert more is not None
+    np.testing.assert_allclose(few[:8, :8], (1.0 + 300.0 / 8.0) * np.eye(8))
+    assert FORCE @ more @ FORCE == pytest.approx(301.0)
+
+
 def test_a_phalanx_that_does_not_count_keeps_its_scatter() -> None:
     scatter = Scatter.start(LAYOUT).after(4.0 * WITHIN, np.array([True, False]), 0.25, 1.0)
     np.testing.assert_allclose(scatter.moments[:8, :8], 0.75 * np.eye(8) + 1.0)

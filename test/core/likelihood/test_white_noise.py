@@ -84,6 +84,17 @@ def test_noise_that_is_common_to_the_channels_leaves_their_differences_as_they_w
     assert across @ excess @ across < 5.0
 
 
+def test_channels_that_are_as_quiet_as_in_the_scan_do_not_hide_what_is_common_to_the_others() -> None:
+    many = Scene("line", SCENE.axes, (Phalanx("index", (0.0,), 40),))
+    x, rng = np.arange(0.0, 0.1, PITCH), np.random.default_rng(0)
+    scan = white_noise(slides(many, x, [rng.standard_normal((len(x), 40)) for _ in range(3)]), many)
+    sweep, common = SweepNoise(scan), np.where(np.arange(40) < 2, 10.0, 0.0)
+    for row in rng.standard_normal((len(x), 40)) + common * rng.standard_normal((len(x), 1)):
+        sweep.observe(row, np.ones(40, dtype=bool), PITCH)
+        excess = sweep.excess(PITCH)
+    assert excess[0, 1] > 0.6 * np.sqrt(excess[0, 0] * excess[1, 1])
+
+
 def test_noise_that_is_not_common_is_not_by_chance() -> None:
     """Twelve strains have large correlations."""
     smallest = []
