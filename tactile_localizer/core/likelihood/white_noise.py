@@ -100,7 +100,7 @@ class SweepNoise:
         self._variance = self._of_scan.variance[0] + 1e-300
         self._spacing = self._of_scan.spacing[0]
         self._present, self._strains = b"", 0
-        self._noisy, self._products = False, np.eye(len(self._variance))
+        self._may_share, self._products = False, np.eye(len(self._variance))
         self._begin()
 
     def _begin(self) -> None:
@@ -139,7 +139,7 @@ class SweepNoise:
         if is_predicted:
             gain = self._gain
             bounded = np.minimum(squares, _BOUND)
-            if self._noisy:
+            if self._may_share:
                 felt = np.copysign(np.sqrt(bounded), difference) * present
                 self._products += gain * (np.outer(felt, felt) - self._products)
             change = (bounded - _MEAN) * gain
@@ -156,11 +156,14 @@ class SweepNoise:
         """
         usual = self._of_scan.at(self._spacing)
         noisy = self._variance > usual * (1.0 + _SIGNIFICANT * _ERROR * math.sqrt(self._gain))
-        self._noisy = bool(np.count_nonzero(noisy))
-        if not self._noisy:
+        count = int(np.count_nonzero(noisy))
+        self._may_share = count > 1
+        if not count:
             return np.zeros_like(self._products)
-        more = np.where(noisy, self._variance - usual, 0.0)
-        width = np.sqrt(more / max(pitch / max(self._spacing, 1e-9), 1.0))
+        more = np.where(noisy, self._variance - usual, 0.0) / max(pitch / max(self._spacing, 1e-9), 1.0)
+        if not self._may_share:
+            return np.diag(more)
+        width = np.sqrt(more)
         return np.asarray(width[:, None] * self._correlation(noisy) * width)
 
     def _correlation(self, noisy: np.ndarray) -> np.ndarray:
