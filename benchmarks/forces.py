@@ -2,23 +2,24 @@
 
     scripts/in_env python benchmarks/forces.py [--seeds 3 4 5] [--sweeps 16] [--json FILE]
 
-A material has a strain of its own in each of six channels, and sums of waves in random directions, whose
-correlation falls over ``length``. A scan of 50 mm x 20 mm, lines 1.4 mm apart, is made at a constant force
-and learned; it is used, with noise of odometry, from its left to its right border, with a force that
+A material has six channels; the strain of each is a constant plus a random field with the given correlation
+length. A scan of 50 mm x 20 mm, lines 1.4 mm apart, is made at a constant force and learned. Test sweeps
+cross it along x, with noise of odometry. The force multiplies the strain; relative to that of the scan it
+is
 
 ``same``
-    is that of the scan
+    one
 ``grasp``
-    is another in each sweep, by a quarter (standard deviation)
+    constant in each sweep, with a standard deviation of 0.25 between sweeps
 ``wanders``
-    does so by a fifth, within 12 mm
+    a Gauss-Markov process with a standard deviation of 0.2 and a correlation length of 12 mm
 ``trembles``
-    is another at each strain, by up to six tenths
+    drawn anew at each strain, between 0.4 and 1.6
 
-A force multiplies what is felt; ``offset``: what the channels show without a force, standard deviation in
-those of the waves. A row is a material and a force, and has the sweeps that are ``right``, ever ``wrong``,
-``lost`` and ``never`` converged, as replay counts them, the median error of the strains that are converged,
-and the share of these whose 95 % region holds the true position.
+``offset`` is the standard deviation of the channels' readings without a force, relative to that of the
+field. A row is a material and a force, and has the sweeps that are ``right``, ever ``wrong``, ``lost`` and
+``never`` converged, as replay counts them, the median error of the strains that are converged, and the
+share of these whose 95 % region holds the true position.
 """
 
 import os
@@ -50,7 +51,7 @@ X = np.arange(0.0, 0.05, STEP)
 _WAVES = 200
 
 Force = Callable[[np.random.Generator], np.ndarray]
-"""Makes the forces (n,) along a sweep, in that of the scan."""
+"""Draws the forces (n,) along a sweep, relative to the force of the scan."""
 
 
 def wanders(rng: np.random.Generator) -> np.ndarray:

@@ -148,11 +148,13 @@ class Sweep(NamedTuple):
         # Weighted as a whole measurement: a belief that is still open also holds places that misfit.
         moments = model.moments(felt, there, bayes(weights, in_sweep.states)[0])
         share = max(min(1.0, travel / RECENT), 1.0 / (1 + self.strains))
+        # The first strains count as independent: a direction too many makes the position late, not wrong.
+        measurements = min(exponent * RECENT / travel, 1.0 / share)
         after = Sweep(
             model,
             trend,
             gain.updated(in_sweep.information, in_sweep.product, exponent),
-            self.scatter.after(moments, used, share, min(exponent * RECENT / travel, 1.0 / share)),
+            self.scatter.after(moments, used, share, measurements),
             strength_weights,
             self.strains + 1,
         )

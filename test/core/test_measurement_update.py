@@ -93,21 +93,24 @@ class ModelByHand:
         return self.other_log, given[0] + 1.0
 
     def with_noise(self, excess: np.ndarray) -> ModelByHand:
-        self._note("with_noise", self, excess)
-        model = ModelByHand(self.record)
+        model = self._noisier("with_noise", excess, 2.0)
         model.excess = excess
-        model.noise = noise_model(LAYOUT, 2.0)
+        return model
+
+    def with_covariance(self, covariance: np.ndarray) -> ModelByHand:
+        model = self._noisier("with_covariance", covariance, 3.0)
+        model.covariance = covariance
+        return model
+
+    def _noisier(self, method: str, given: np.ndarray, width: float) -> ModelByHand:
+        """With the same record, and its strains whitened by a width."""
+        self._note(method, self, given)
+        model = ModelByHand(self.record)
+        model.noise = noise_model(LAYOUT, width)
         return model
 
     def whitening_after(self, other: ModelByHand) -> np.ndarray:
         return np.eye(4)
-
-    def with_covariance(self, covariance: np.ndarray) -> ModelByHand:
-        self._note("with_covariance", self, covariance)
-        model = ModelByHand(self.record)
-        model.covariance = covariance
-        model.noise = noise_model(LAYOUT, 3.0)
-        return model
 
     def direction(self, strain: np.ndarray) -> np.ndarray:
         return np.array([1.0, 0.0, 0.0, 1.0]) * np.abs(strain)

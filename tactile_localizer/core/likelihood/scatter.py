@@ -17,7 +17,7 @@ SCATTERED = 2.0
 
 
 class Scatter(NamedTuple):
-    """Second moments of the residuals of a sweep, in the variance expected under the scan's conditions.
+    """Second moments of the residuals of a sweep, normalized by the variance expected from the scan.
 
     Parameters
     ----------

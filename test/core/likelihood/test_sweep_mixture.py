@@ -115,6 +115,16 @@ def test_strains_of_a_covariance_have_the_densities_of_the_whole_of_it() -> None
         np.testing.assert_allclose(found, expected, atol=2e-3)
 
 
+def test_residuals_of_one_model_are_taken_to_the_units_of_another() -> None:
+    model, rng = mixture((3, 5)), np.random.default_rng(3)
+    factors = rng.standard_normal((2, 8, 8))
+    one, other = (model.with_noise(0.1 * each @ each.T) for each in factors)
+    strain = rng.standard_normal(8)
+    innovation = Innovation(strain, np.zeros((0, 8)), np.zeros(8))
+    before, after = (each.felt(innovation, np.ones(2, dtype=bool)).strain for each in (one, other))
+    np.testing.assert_allclose(other.whitening_after(one) @ before, after, rtol=1e-4, atol=1e-5)
+
+
 def test_other_material_of_a_covariance_is_whitened_as_the_strain_is() -> None:
     model, strain = mixture((3, 5)), np.linspace(-2.0, 2.0, 8)
     covariance = np.diag(np.linspace(1.0, 50.0, 8))
