@@ -93,9 +93,9 @@ class Scatter(NamedTuple):
     def covariance(self, known: np.ndarray | None) -> np.ndarray | None:
         """Covariance (C, C) of the residuals; ``None``: that of the scan.
 
-        All directions have the mean of the moments, and those more that exceed by more than chance (the edge
-        of Marchenko and Pastur, 1967) the mean of those that are not larger. Of few measurements no direction
-        is distinct. That the others keep the mean of all is caution: on other material they scatter, too.
+        It has the directions in which the moments exceed by more than chance (the edge of Marchenko and
+        Pastur, 1967) the mean of those that are not larger; these have their mean. Of few measurements no
+        direction is distinct, and all have one variance.
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ class Scatter(NamedTuple):
         found = np.diag(layout.expand(even))
         for phalanx in np.flatnonzero(distinct).tolist():
             own = layout.slices[phalanx]
-            found[own, own] += _distinct(self.moments[own, own], self.measurements, float(even[phalanx]))
+            found[own, own] = _directions(self.moments[own, own], self.measurements)
         return None if np.array_equal(found, np.eye(layout.size)) else found
 
     def _within(self, matrix: np.ndarray) -> np.ndarray:
@@ -121,14 +121,14 @@ class Scatter(NamedTuple):
         return matrix * np.equal.outer(self.layout.phalanx, self.layout.phalanx)
 
 
-def _distinct(moments: np.ndarray, measurements: float, even: float) -> np.ndarray:
-    """What the distinct directions of a phalanx's ``moments`` (C, C) have more than the ``even`` variance."""
+def _directions(moments: np.ndarray, measurements: float) -> np.ndarray:
+    """The same covariance of one phalanx, of its ``moments`` (C, C)."""
     values, vectors = np.linalg.eigh(moments)
     others, edge = len(values), _edge(len(values), measurements)
     while others > 1 and values[others - 1] > edge * max(values[:others].mean(), 1.0):
         others -= 1
-    more, distinct = np.maximum(values[others:] - even, 0.0), vectors[:, others:]
-    return np.asarray(distinct * more @ distinct.T)
+    even, distinct = max(float(values[:others].mean()), 1.0), vectors[:, others:]
+    return np.asarray(even * np.eye(len(values)) + distinct * (values[others:] - even) @ distinct.T)
 
 
 def _edge(directions: Any, measurements: float) -> Any:

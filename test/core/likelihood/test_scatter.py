@@ -54,12 +54,12 @@ def test_residuals_that_are_larger_in_all_directions_widen_all_of_a_phalanx() ->
     np.testing.assert_allclose(found, np.diag(np.r_[np.full(8, 9.0), np.ones(4)]), rtol=0.2)
 
 
-def test_residuals_that_are_larger_in_one_direction_have_it_and_in_the_others_their_mean() -> None:
+def test_residuals_that_are_larger_in_one_direction_leave_the_others_as_they_were() -> None:
     found = felt(along(FORCE, 60.0)).covariance(None)
     assert found is not None
     assert FORCE @ found @ FORCE == pytest.approx(61.0, rel=0.3)
     across = np.linalg.eigvalsh(found[:8, :8])[:-1]
-    np.testing.assert_allclose(across, 1.0 + 60.0 / 8.0, rtol=0.3)
+    np.testing.assert_allclose(across, 1.0, atol=0.3)
     np.testing.assert_allclose(found[8:, 8:], np.eye(4))
 
 
@@ -82,8 +82,7 @@ def test_a_direction_that_is_known_needs_no_search() -> None:
     assert FORCE @ covariance @ FORCE == pytest.approx(31.0, rel=0.4)
     assert other @ covariance @ other == pytest.approx(51.0, rel=0.4)
     rest = np.linalg.eigvalsh(covariance[:8, :8])[:6]
-    assert rest.min() > 1.0
-    assert rest.max() < 15.0
+    np.testing.assert_allclose(rest, 1.0, atol=0.4)
 
 
 def test_of_one_channel_no_direction_is_across_and_nothing_is_force() -> None:
