@@ -278,6 +278,7 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         "learned": {
             **learned_values(calibration._asdict()),
             "information_length": calibration.examination.information_length,
+            "explanation_length": calibration.examination.explanation_length,
             "memory": memory if np.isfinite(memory) else "constant",
         },
         "standard_errors": standard_errors(measures, sweeps),

@@ -22,6 +22,8 @@ beside their errors, ``peers.py`` those of other packages' particle filters.
 ``N pairs: import csv``, ``first estimate``
     the same with a scan of so many pairs, simulated lines that are passed again and again with other noise,
     and the largest resident size of the process, MB
+``update converged``, ``update open``, ``strain without update``, ``update of N particles``
+    of the localizer on the test sweeps (:mod:`updates`), us, median
 ``reading of CSV``
     processor time of reading 162,180 rows of 20 columns, by that of ``numpy.loadtxt``
 ``decoding``
@@ -33,6 +35,7 @@ import os
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import argparse
+import json
 import subprocess
 import sys
 import tempfile
@@ -59,6 +62,7 @@ from tactile_localizer.sim import shipped_scene, simulate_recording
 
 CAN_RATE_HZ = 500.0
 _TREE = Path(__file__).resolve().parents[1]
+_PARTICLES = 1_000, 10_000
 _BATCH = 1024
 """Frames that are decoded together, as the driver reads them."""
 
@@ -104,6 +108,38 @@ def commands_on(pairs: int, trees: Sequence[Path]) -> list[dict[str, Cost]]:
             costs = {"import csv": made, "first estimate": command(tree, *first)}
             found.append({f"{pairs} pairs: {what}": each for what, each in costs.items()})
     return found
+
+
+def updates(folder: Path, trees: Sequence[Path], repeat: int) -> list[dict[str, float]]:
+    """Times of the updates of each source tree on a recording, us, by name; the trees take turns."""
+    train, test = (next(folder.glob(f"{name}.csv*")) for name in ("train", "test"))
+    names = {
+        "update converged": ("converged", ()),
+        "update open": ("open", ()),
+        "strain without update": ("without", ()),
+        **{f"update of {count} particles": ("any", ("--particles", str(count))) for count in _PARTICLES},
+    }
+    runs: list[dict[str, list[float]]] = [{name: [] for name in names} for _ in trees]
+    with tempfile.TemporaryDirectory() as scans:
+        for number, tree in enumerate(trees):
+            scan = f"{scans}/{number}"
+            command(tree, "import", "csv", train, "--scene", folder / "scene.yaml", "-o", scan)
+        for _ in range(repeat):
+            for number, tree in enumerate(trees):
+                printed = {
+                    options: json.loads(_of_tree(tree, f"{scans}/{number}", test, *options))
+                    for _, options in names.values()
+                }
+                for name, (kind, options) in names.items():
+                    runs[number][name].append(printed[options][kind])
+    return [{name: float(np.median(times)) for name, times in each.items()} for each in runs]
+
+
+def _of_tree(tree: Path, *arguments: object) -> str:
+    """What ``updates.py`` prints with the package of a source tree."""
+    script = "import sys; del sys.argv[0]; exec(open(sys.argv[0]).read())"
+    line = [sys.executable, "-c", script, str(Path(__file__).with_name("updates.py")), *map(str, arguments)]
+    return subprocess.run(line, cwd=tree, check=True, capture_output=True, text=True).stdout
 
 
 def write_lines(path: Path, pairs: int) -> None:
@@ -219,6 +255,11 @@ def main() -> None:
         if given.beside is not None:
             other = costs[1][name]
             rows[-1] |= {"ratio": seconds / other.seconds, "memory_ratio": memory / other.memory}
+    times = updates(given.folder.resolve(), trees, given.repeat)
+    for name, taken in times[0].items():
+        rows.append({"name": name, "value": taken, "unit": "us"})
+        if given.beside is not None:
+            rows[-1]["ratio"] = taken / times[1][name]
     rows += [csv_reading(162_180), decoding(given.cycles)]
     if given.json is not None:
         write_rows(given.json, vars(given), rows, [])

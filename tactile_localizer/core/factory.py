@@ -150,7 +150,8 @@ def assemble(
     position_model : another model for the position, and its travel per independent measurement, m
     """
     scene, mixture = prepared.scene, prepared.mixture
-    model, position_length = position_model or (None, None)
+    examination = calibration.examination
+    model, information_length = position_model or (None, examination.information_length)
     return Localizer(
         scene,
         _build_filter(scene, configuration, prepared.cell, rng),
@@ -165,10 +166,10 @@ def assemble(
             prepared.still,
             configuration.update_distance,
         ),
-        calibration.examination.information_length,
+        information_length,
+        examination.explanation_length,
         calibration.registration_std,
         Anchors(scene),
-        position_length,
     )
 
 
@@ -263,7 +264,11 @@ def _position_model(
     doing = f"examining {name} by held-out sweeps"
     say(doing, LEARNED)
     return model, examine_position(
-        scan, learned, build, lambda done: say(doing, LEARNED + (1.0 - LEARNED) * done)
+        scan,
+        learned,
+        build,
+        calibration.examination.explanation_length,
+        lambda done: say(doing, LEARNED + (1.0 - LEARNED) * done),
     )
 
 

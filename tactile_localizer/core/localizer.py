@@ -87,10 +87,10 @@ class Localizer:
     position_model : another measurement model for the position; ``None``: ``model``
     convergence : decides when the position has converged
     measurements : makes a measurement of the strains of each update distance
-    information_length : m of travel per independent measurement
+    information_length : m of travel per independent measurement of the position
+    explanation_length : the same of what explains the strain, and of what the sweep differs by
     registration_std : (d,) m (yaw: rad), how far the positions of one sweep are from those of another
     anchors : trajectories that represent the whole map
-    position_length : the same for the ``position_model``; ``None``: as for ``model``
     """
 
     def __init__(
@@ -102,9 +102,9 @@ class Localizer:
         convergence: Convergence,
         measurements: Measurements,
         information_length: float,
+        explanation_length: float,
         registration_std: np.ndarray,
         anchors: Anchors,
-        position_length: float | None = None,
     ) -> None:
         self.scene = scene
         self.filter = bayes_filter
@@ -112,7 +112,7 @@ class Localizer:
         self._position_model = position_model
         self._convergence = convergence
         self.measurements = measurements
-        self.information_length, self.position_length = information_length, position_length
+        self.information_length, self.explanation_length = information_length, explanation_length
         self._registration = np.diag(registration_std**2)
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
@@ -149,16 +149,6 @@ class Localizer:
             raise MeasurementError(f"std: expected no negative deviation, got {std}")
         self.filter.seed(np.asarray(mean, dtype=np.float64), np.asarray(std, dtype=np.float64))
         self._restart()
-
-    def set_information_length(self, length: float) -> None:
-        """Change the travel per independent measurement of the position, m.
-
-        That of the explanations is the same, unless another model weighs the position.
-        """
-        if self._position_model is None:
-            self.information_length = length
-        else:
-            self.position_length = length
 
     def adjust(self, criteria: ConvergenceCriteria, update_distance: float) -> None:
         """Change the thresholds of convergence and the update distance; the belief stays."""
@@ -256,7 +246,7 @@ class Localizer:
         """
         travel, used = measurement.travel, measurement.used
         update_travel = max(travel, self.measurements.update_distance)
-        exponent = min(1.0, update_travel / self.information_length)
+        exponent = min(1.0, update_travel / self.explanation_length)
 
         prediction, explanations = self._move(measurement.displacement, travel)
         # An axis at a time: arrays with a short last axis take several times longer.
@@ -266,10 +256,7 @@ class Localizer:
             measurement.strain, used, places, prediction.weights, update_travel, exponent
         )
         self._belief = belief = self._weigh(prediction, evidence, measurement, update_travel)
-        tracked = belief.log_marginal
-        if self._position_model is not None or evidence.position is not evidence.states:
-            tracked = bayes(prediction.weights, exponent * evidence.states)[1]
-        tracked /= exponent
+        tracked = bayes(prediction.weights, exponent * evidence.states)[1] / exponent
         far = self._motion.travels(self._anchors.states - belief.mean) > RELOCATION_DISTANCE
         self._explanations = explanations.update(
             update_travel,
@@ -294,16 +281,15 @@ class Localizer:
         self, prediction: Prediction, evidence: Evidence, measurement: Measurement, travel: float
     ) -> Belief:
         """The belief after a strain, by the model for the position if there is one."""
-        model, length = self._position_model, self.information_length
-        position = evidence.position
+        model, position = self._position_model, evidence.position
         if model is not None:
-            strain, length = measurement.strain, self.position_length or length
+            strain = measurement.strain
             if self.model.material is Material.SHEET:
                 innovation, states = evidence.innovation, len(prediction.states)
                 trend = prediction.weights @ (evidence.map_strain - innovation.of_map)[:states]
                 strain = self.model.in_volts(strain, innovation.of_strain + innovation.turned + trend)
             position = model.log_likelihood(prediction.states, strain, measurement.used)
-        return self.filter.update(min(1.0, travel / length) * position)
+        return self.filter.update(min(1.0, travel / self.information_length) * position)
 
     def _decide(self, states: np.ndarray, belief: Belief, measurement: Measurement) -> None:
         """Whether the position has converged.

@@ -47,8 +47,9 @@ def describe_examination(scene: Scene, examination: Examination) -> list[str]:
             "nothing is known of another force or another day: scan some lines again so, in another session"
         )
     lines.append(
-        f"{_probabilities(examination)}; one independent measurement per "
-        f"{examination.information_length * MM:.1f} mm of travel"
+        f"{_probabilities(examination)}; one independent measurement of the position per "
+        f"{examination.information_length * MM:.1f} mm of travel, of whether this is the map per "
+        f"{examination.explanation_length * MM:.1f} mm"
     )
     return lines
 
@@ -85,7 +86,7 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
     if wrong := sorted({each.sweep + 1 for each in on_map if each.wrong}):
         found.append(f"converged at a wrong place in the examination: sweep {listed(map(str, wrong))}")
     false = sum(each.converged for each in examination.off_map)
-    if false > conceded(len(examination.outcomes)):
+    if false > conceded(len(examination.off_map)):
         found.append(
             f"{false} of {_trials(examination.off_map)} converge on a map without their surroundings: "
             "places resemble each other, and material that was not scanned may be taken for one of them"

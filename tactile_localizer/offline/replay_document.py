@@ -65,7 +65,7 @@ class Evaluation:
 
 def learned_values(localizer: Localizer, calibration: Calibration) -> dict[str, str]:
     """What was learned from a scan, by name, with units; the noise is in the unit of the scan's strain."""
-    model, own = localizer.model, localizer.position_length
+    model = localizer.model
     memory = model.drift.memory
     kinds = {
         Material.CLOTH: "textured, or under a force that wanders",
@@ -74,8 +74,8 @@ def learned_values(localizer: Localizer, calibration: Calibration) -> dict[str, 
     noise = np.sqrt(model.noise.variance)
     return {
         "material": kinds[model.material],
-        "information length": f"{calibration.examination.information_length * MM:.1f} mm",
-        **({} if own is None else {"that of the model": f"{own * MM:.1f} mm"}),
+        "information length": f"{localizer.information_length * MM:.1f} mm",
+        "explanation length": f"{localizer.explanation_length * MM:.1f} mm",
         "memory of the level": f"{memory * MM:.0f} mm" if memory < 1.0 else "constant",
         "noise of a channel": f"{np.median(noise):.2g} ({noise.min():.2g} to {noise.max():.2g})",
         "registration": describe_sizes(localizer.scene, calibration.registration_std),

@@ -86,10 +86,11 @@ def test_import_and_replay_localize_and_write_every_update(bump_folder: Path, ca
     printed = capsys.readouterr().out
     assert max(map(len, printed.splitlines())) <= 80
     assert "sweep_mixture, grid filter; odometry simulated" in printed
-    learned = printed.partition("learned from bump_scan:\n")[2].splitlines()[:5]
+    learned = printed.partition("learned from bump_scan:\n")[2].splitlines()[:6]
     assert [line[:22].strip() for line in learned] == [
         "material",
         "information length",
+        "explanation length",
         "memory of the level",
         "noise of a channel",
         "registration",

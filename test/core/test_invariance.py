@@ -24,7 +24,7 @@ from tactile_localizer.scene import Axis, Phalanx, Scene
 
 FINGERS = (Phalanx("index", (0.0, 0.0), 3), Phalanx("thumb", (0.004, -0.002), 2))
 SHEET = Scene("sheet", (Axis("x", 0.0, 0.04, 0.003), Axis("y", 0.0, 0.024, 0.003)), FINGERS)
-CALIBRATION = Calibration(np.full(2, 4e-4), Material.SHEET, examination=Examination(0.0017))
+CALIBRATION = Calibration(np.full(2, 4e-4), Material.SHEET, examination=Examination(0.0017, 0.0017))
 PERIOD_NS = 20_000_000
 FILTERS = pytest.mark.parametrize("kind", ["grid", "particle"])
 

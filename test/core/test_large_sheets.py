@@ -10,7 +10,7 @@ from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer
 from tactile_localizer.scene import Axis, Phalanx, Scene
 
-KNOWN = Calibration(np.full(2, 5e-4), examination=Examination(0.0017))
+KNOWN = Calibration(np.full(2, 5e-4), examination=Examination(0.0017, 0.0017))
 
 
 @pytest.mark.parametrize(("length", "bound", "known"), [(1.0, 1.1, KNOWN), (0.06, 30.0, None)])

@@ -18,7 +18,7 @@ from tactile_localizer.errors import MeasurementError
 
 OF = scene()
 SCAN = line_scan(np.random.default_rng(0), OF)
-CALIBRATION = Calibration(np.full(2, 4e-4), examination=Examination(0.0017))
+CALIBRATION = Calibration(np.full(2, 4e-4), examination=Examination(0.0017, 0.0017))
 """Given, so that no test waits for it to be learned."""
 ON_SHEET = CALIBRATION._replace(material=Material.SHEET)
 ANYWHERE = np.array([3.0, -2.0])
@@ -186,7 +186,7 @@ def test_a_strain_is_worth_less_the_longer_the_information_length():
     spread = []
     for length in (0.0005, 0.005, 0.05):
         *_, (_, estimate) = slide(
-            build(calibration=Calibration(np.full(2, 4e-4), examination=Examination(length)))
+            build(calibration=Calibration(np.full(2, 4e-4), examination=Examination(length, length)))
         )
         spread.append(estimate.trace)
     assert spread == sorted(spread)

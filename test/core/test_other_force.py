@@ -17,7 +17,7 @@ SWEEPS = 10
 def used(seed: int, offset: float, force: str) -> tuple[np.ndarray, np.ndarray, list[State]]:
     """Errors (n,), m, of all strains, which of them are converged, and the state at the end of each sweep."""
     rng, field = np.random.default_rng(seed), Field(seed, 0.018, offset)
-    known = Calibration(np.full(2, 6e-4), Material.CLOTH, examination=Examination(0.0017))
+    known = Calibration(np.full(2, 6e-4), Material.CLOTH, examination=Examination(0.0017, 0.0017))
     localizer = build_localizer(field.scan(rng), SCENE, Configuration(), rng, calibration=known)
     errors, converged, ends = [], [], []
     for sweep in field.sweeps(FORCES[force], SWEEPS, rng).sweeps:

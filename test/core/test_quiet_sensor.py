@@ -23,7 +23,7 @@ def converged(noise: float) -> float:
         bumps = [np.exp(-0.5 * ((WAY - at) / 0.004) ** 2) for at in (0.019, 0.026)]
         return np.transpose(bumps) @ of + noise * rng.standard_normal((len(WAY), 16))
 
-    known = Calibration(np.array([0.001]), Material.SHEET, examination=Examination(0.005))
+    known = Calibration(np.array([0.001]), Material.SHEET, examination=Examination(0.005, 0.005))
     scan = slides(SLEEVE, WAY, [felt() for _ in range(6)])
     localizer, right = build_localizer(scan, SLEEVE, Configuration(), rng, calibration=known), []
     for _ in range(4):

@@ -26,7 +26,7 @@ SCENE = shipped_scene("bump")
 
 def on(scan: Scan) -> Localizer:
     """A localizer on a scan of a sheet."""
-    known = Calibration(np.full(2, 1e-3), Material.SHEET, examination=Examination(0.003))
+    known = Calibration(np.full(2, 1e-3), Material.SHEET, examination=Examination(0.003, 0.003))
     return build_localizer(scan, SCENE, Configuration(), np.random.default_rng(0), calibration=known)
 
 

@@ -36,7 +36,7 @@ def localizer() -> Localizer:
         sessions.append(replace(session, sweeps=turned))
     scan = scan_of(join(sessions), SCENE)
     rng, std = np.random.default_rng(0), np.array([1e-3, 1e-3, 0.01])
-    known = Calibration(std, Material.SHEET, examination=Examination(0.003))
+    known = Calibration(std, Material.SHEET, examination=Examination(0.003, 0.003))
     return build_localizer(scan, SCENE, Configuration(), rng, calibration=known)
 
 

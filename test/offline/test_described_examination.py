@@ -19,11 +19,12 @@ def examination(off_map: int = 0, wrong: int = 0, along_y: float = -0.1, sweeps:
     def outcome(n: int, on_map: bool, false: bool) -> Outcome:
         axes = (-0.1, along_y) if on_map else ()
         right = on_map and not false
-        return Outcome(n, on_map, -1.0, right, false, right or false, (0.001, 0.002), (0.001, 0.011), axes)
+        claimed = float(right or false)
+        return Outcome(n, on_map, -1.0, right, false, claimed, (0.001, 0.002), (0.001, 0.011), axes)
 
     tried = [outcome(n, True, n < wrong) for n in range(sweeps)]
     tried += [outcome(n % sweeps, False, n < off_map) for n in range(12)]
-    return Examination(0.003, -3.0, (-1.5, -1.2), tuple(tried))
+    return Examination(0.003, 0.005, -3.0, (-1.5, -1.2), tuple(tried))
 
 
 def test_what_to_expect_is_said() -> None:
@@ -36,7 +37,8 @@ def test_what_to_expect_is_said() -> None:
         "1 converged, which is wrong",
         "nothing is known of another force or another day: scan some lines again so, in another session",
         "probability of the true place 0.37 on average (a blind guess: 0.05, certainty: 1); "
-        "one independent measurement per 3.0 mm of travel",
+        "one independent measurement of the position per 3.0 mm of travel, "
+        "of whether this is the map per 5.0 mm",
     ]
     assert describe_examination(SCENE, Examination()) == []
 
@@ -77,7 +79,7 @@ def test_what_needs_attention_is_a_finding(what: dict[str, float], finding: str)
 def test_why_few_sweeps_converge_is_said(along_y: float, alike: tuple[float, ...], why: str) -> None:
     found = examination(along_y=along_y)
     never = [
-        replace(each, right=False, converged=False, alike=alike) if each.on_map and each.sweep < 4 else each
+        replace(each, right=False, claimed=0.0, alike=alike) if each.on_map and each.sweep < 4 else each
         for each in found.outcomes
     ]
     *_, last = examination_findings(SCENE, replace(found, outcomes=tuple(never)))

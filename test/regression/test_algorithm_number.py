@@ -8,7 +8,7 @@ from tactile_localizer.io.scans.learned import ALGORITHM
 from tactile_localizer.sim import shipped_scene, simulate_recording
 
 LEARNED = {26: [0.001048, 0.001419, 0.4006, 0.00934, 0.03054, 0.2047, 0.0017]}
-"""By number, registration error, factors of the variance and information length of a simulated scan. After a
+"""By number, registration error, factors of the variance and lengths of a simulated scan. After a
 change that alters them, add one to ``ALGORITHM`` and write the new ones here, so that scans are examined
 anew."""
 
@@ -23,5 +23,6 @@ def test_a_calibration_has_the_number_of_the_algorithm_that_learned_it() -> None
         *variance.factors,
         variance.gain,
         calibration.examination.information_length,
+        calibration.examination.explanation_length,
     ]
     assert LEARNED[ALGORITHM] == pytest.approx(found, rel=0.01)

@@ -4,14 +4,18 @@ Both are chosen by how sweeps that are held out are localized on the map without
 kinds of material (:mod:`..likelihood.material`) that is taken under which they are localized better.
 
 All strains of a sweep share errors of the map, so a strain is worth less than an independent measurement, and
-how much less depends on the material, the sensor and the scan. The *information length*, the travel per
-independent measurement, is that with the best log score: the mean logarithm of the probability that is given
-to the truth, a proper scoring rule (Gneiting and Raftery, 2007). So the learning rate of a generalized
-posterior (Bissiri, Holmes and Walker, 2016) is learned.
+how much less depends on the material, the sensor and the scan: the learning rate of a generalized posterior
+(Bissiri, Holmes and Walker, 2016). It is given as a length, the travel per independent measurement, and
+there are two, since there are two questions. What places have in common, as how strong the signal of a sweep
+is or how much noise it has, says nothing of which of them it is, but is felt as other material. So a strain
+is worth less for whether this is the map (*explanation length*) than for where on it the hand is
+(*information length*).
 
-The score is that of sweeps on the map. Lengths at which false claims, also on other material, are more than
-chance are not chosen. Where an axis is known no better than by ignorance, it is the longest length: nothing
-that was scanned tells places along it apart.
+A kind of material is judged by the mean logarithm of the probability that is given to the truth, a proper
+scoring rule (Gneiting and Raftery, 2007); a pair of lengths by what a user gets of it: with which the sweeps
+that are right at their end have been so on the largest part of their way, while no more claims are wrong, on
+the map and off it, than the threshold of convergence concedes. Where an axis is known no better than by
+ignorance, both are the longest: nothing that was scanned tells places along it apart.
 """
 
 from __future__ import annotations
@@ -38,7 +42,8 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 LENGTHS = (0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
-"""Information lengths to choose from, m; the search begins in the middle."""
+"""Lengths to choose from, m; the search begins in the middle."""
+_LONGEST = len(LENGTHS) - 1, len(LENGTHS) - 1
 UNEXAMINED = LENGTHS[len(LENGTHS) // 2]
 """Information length where no sweep can be held out, m."""
 _TRIALS, _FEW = 48, 12
@@ -49,6 +54,7 @@ _CLEAR = 4.0
 _CONCEDED = -math.log(Configuration().convergence_probability)
 """Score of a belief that just converges."""
 Progress = Callable[[float], None]
+_Choice = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -60,15 +66,17 @@ class Examination:
     information_length : travel per independent measurement, m
     ignorance : score of a uniform belief on the map
     ignorance_axes : (d,) the same along each axis alone
-    outcomes : of the sweeps, at that length
-    scores : of the lengths that were tried, m: on the map, and on other material (``None``: not tried)
+    outcomes : of the sweeps, at these lengths
+    scores : of pairs of lengths that were tried, m, in this order: on the map, and on other material
+        (``None``: not tried)
     """
 
     information_length: float = UNEXAMINED
+    explanation_length: float = UNEXAMINED
     ignorance: float = 0.0
     ignorance_axes: tuple[float, ...] = ()
     outcomes: tuple[Outcome, ...] = ()
-    scores: tuple[tuple[float, float, float | None], ...] = ()
+    scores: tuple[tuple[float, float, float, float | None], ...] = ()
 
     @cached_property
     def on_map(self) -> tuple[Outcome, ...]:
@@ -109,7 +117,7 @@ class Examination:
 def examine(
     scan: Scan, models: Sequence[SweepModel], build: Build, progress: Progress | None = None
 ) -> tuple[int, Examination]:
-    """Choose the model and the information length under which held-out sweeps are localized best.
+    """Choose the model and the lengths under which held-out sweeps are localized best.
 
     Parameters
     ----------
@@ -128,76 +136,90 @@ def examine(
         return 0, Examination()
     sweeps, done = held_out(scan, tracks, models[0].scan.spacing), 0
 
-    def report() -> None:
+    def report(trials: int) -> None:
         nonlocal done
-        done += 1
+        done += trials
         if progress is not None:
-            progress(done / (done + 4.0 * len(models)))
+            progress(done / (done + 4.0 * _TRIALS * len(models)))
 
     kinds = [_Kind(model, build, sweeps, report) for model in models]
     best = kinds[0]
-    best.climb()
+    best.climb(0, 1)
     for kind in kinds[1:]:
         kind.choice = best.choice
         if not best.is_clearly_better_than(kind):
-            kind.climb()
+            kind.climb(0, 1)
             best = kind.better_of(best)
     best.refine()
     found = best.examination()
     if (found.observed < 0.0).any():
-        best.choice = len(LENGTHS) - 1
+        best.choice = _LONGEST
         found = best.examination()
     return kinds.index(best), found
 
 
-def examine_position(scan: Scan, model: SweepModel, build: Build, progress: Progress | None = None) -> float:
+def examine_position(
+    scan: Scan,
+    model: SweepModel,
+    build: Build,
+    explanation_length: float,
+    progress: Progress | None = None,
+) -> float:
     """Information length, m, under which held-out sweeps are localized best by another model of the position.
 
-    The arguments are those of :func:`examine`, with one ``model``, which explains what the position does not.
+    The arguments are those of :func:`examine`, with one ``model``, which explains what the position does not,
+    and its length.
     """
     if len(model.scan.tracks) < 2:
         return UNEXAMINED
     done = 0
 
-    def report() -> None:
+    def report(trials: int) -> None:
         nonlocal done
-        done += 1
+        done += trials
         if progress is not None:
-            progress(done / (done + 4.0))
+            progress(done / (done + 4.0 * _FEW))
 
     kind = _Kind(model, build, held_out(scan, model.scan.tracks, model.scan.spacing), report)
-    kind.climb()
-    return LENGTHS[kind.choice]
+    kind.choice = kind.choice[0], LENGTHS.index(explanation_length)
+    kind.climb(0)
+    return LENGTHS[kind.choice[0]]
 
 
 class _Kind:
-    """Trials under one model, by information length.
+    """Trials under one model, by lengths.
 
     Attributes
     ----------
-    choice : number of the best length
+    choice : numbers of the best lengths, of information and of explanation
     """
 
     def __init__(
-        self, model: SweepModel, build: Build, sweeps: Sequence[HeldOut], report: Callable[[], None]
+        self, model: SweepModel, build: Build, sweeps: Sequence[HeldOut], report: Callable[[int], None]
     ) -> None:
         self.scene, self._report = model.scan.tracks.scene, report
         self._on_map = list(trials_on_map(_TRIALS, model, build, sweeps))
         self._make_off_map = partial(trials_off_map, _TRIALS, model, build, sweeps)
-        self._outcomes: dict[tuple[int, bool], list[Outcome]] = {}
-        self.choice = LENGTHS.index(UNEXAMINED)
+        self._outcomes: dict[tuple[_Choice, bool], list[Outcome]] = {}
+        self.choice: _Choice = LENGTHS.index(UNEXAMINED), LENGTHS.index(UNEXAMINED)
 
     @cached_property
     def _off_map(self) -> list[Trial]:
         return list(self._make_off_map())
 
-    def climb(self) -> None:
-        """Climb to the length with the best score of a few trials."""
+    def climb(self, *lengths: int) -> None:
+        """Climb to the best score of a few trials by changing the lengths of these numbers together."""
         for step in (-1, 1):
-            while 0 <= self.choice + step < len(LENGTHS) and (
-                self._scores(self.choice + step, _FEW).mean() > self._scores(self.choice, _FEW).mean()
+            while (
+                min(following := self._changed(step, lengths)) >= 0
+                and max(following) < len(LENGTHS)
+                and self._scores(following, _FEW).mean() > self._scores(self.choice, _FEW).mean()
             ):
-                self.choice += step
+                self.choice = following
+
+    def _changed(self, step: int, lengths: Sequence[int]) -> _Choice:
+        information, explanation = (each + step * (n in lengths) for n, each in enumerate(self.choice))
+        return information, explanation
 
     def is_clearly_better_than(self, other: _Kind) -> bool:
         """Whether a few trials, each at its length, leave no doubt."""
@@ -217,25 +239,60 @@ class _Kind:
         return self if right[0] >= right[1] else other
 
     def refine(self) -> None:
-        """Choose among the best length and its neighbours by all trials, then by false claims.
+        """Choose the lengths with which most is claimed of those that keep the promise, by all trials.
 
-        The next longer lengths are tried where there are more of these than the threshold concedes: among the
-        claims on the map, few as they may be, or in all trials, of which those off the map should have none.
-        Where they are as many at all lengths, the material resembles itself.
+        The first are next below the best score. With longer ones less is claimed, but for sweeps that are
+        wrong or lost with shorter ones, and a longer explanation length makes the information length shorter
+        with which the promise is kept. Where no sweep is right at its end, both are the same.
         """
-        tried = [each for each in (self.choice - 1, self.choice + 1) if (each, True) in self._outcomes]
-        scores = self._scores(self.choice, _FEW)
-        close = [each for each in tried if not _beyond(scores - self._scores(each, _FEW), 1.0)]
-        self.choice = max([self.choice, *close], key=lambda each: self._scores(each).mean())
-        for choice in range(self.choice, len(LENGTHS)):
-            on_map, off_map = (self._localized(choice, each) for each in (True, False))
-            claims = [each for each in on_map if each.converged]
-            if _are_conceded(claims) and _are_conceded(on_map + off_map):
-                self.choice = choice
-                break
+        last = len(LENGTHS)
+        if not any(each.right for each in self._localized(self.choice, True)):
+            same = ((each, each) for each in range(self.choice[0], last))
+            self.choice = next(filter(self._keeps_its_promise, same), self.choice)
+            return
+        most = -1.0
+        for information in range(max(self.choice[0] - 1, 0), last):
+            is_kept = True
+            for explanation in range(information, last):
+                choice = information, explanation
+                if not self._is_quiet_off_map(choice, _FEW):
+                    is_kept = False
+                    continue
+                on_map = self._localized(choice, True)
+                claimed = float(np.mean([each.claimed * each.right for each in on_map]))
+                if claimed <= most:
+                    break
+                if not self._keeps_its_promise(choice):
+                    is_kept = False
+                    continue
+                self.choice, most = choice, claimed
+                if not any(each.wrong or each.lost for each in on_map):
+                    break
+            if most >= 0.0 and is_kept:
+                return
+
+    def _keeps_its_promise(self, choice: _Choice) -> bool:
+        """Whether no more claims are wrong than are conceded: on the map, few as they may be, and off it."""
+        on_map = self._localized(choice, True)
+        claims = sum(each.converged for each in on_map)
+        return _are_conceded(on_map, claims) and self._is_quiet_off_map(choice)
+
+    def _is_quiet_off_map(self, choice: _Choice, count: int = _TRIALS) -> bool:
+        """Whether no more claims are made in trials off the map, where each is wrong, than are conceded.
+
+        Of material that resembles itself nothing is expected.
+        """
+        claims = len(self._off_map)
+        outcomes = (self._localized(choice, False, tried) for tried in range(1, min(count, claims) + 1))
+        return all(_are_conceded(each, claims) for each in outcomes) or self._resembles_itself
+
+    @cached_property
+    def _resembles_itself(self) -> bool:
+        """Whether there are more false claims off the map even in a few trials with the longest lengths."""
+        return not _are_conceded(self._localized(_LONGEST, False, _FEW), len(self._off_map))
 
     def examination(self) -> Examination:
-        """The examination at the best length."""
+        """The examination at the best lengths."""
         ignorance = _ignorance(self.scene, self._on_map[0].localizer.criteria.radius)
         outcomes = self._localized(self.choice, True) + self._localized(self.choice, False)
         scores = []
@@ -243,38 +300,39 @@ class _Kind:
             by_truth = ([each.score for each in self._outcomes.get((choice, on), ())] for on in (True, False))
             on_map, off_map = (float(np.mean(each)) if each else None for each in by_truth)
             if on_map is not None:
-                scores.append((LENGTHS[choice], on_map, off_map))
-        return Examination(LENGTHS[self.choice], *ignorance, tuple(outcomes), tuple(scores))
+                scores.append((*(LENGTHS[each] for each in choice), on_map, off_map))
+        lengths = [LENGTHS[each] for each in self.choice]
+        return Examination(*lengths, *ignorance, tuple(outcomes), tuple(scores))
 
-    def _scores(self, choice: int, count: int = _TRIALS) -> np.ndarray:
-        """Of the first ``count`` trials on the map at a length, (n,)."""
+    def _scores(self, choice: _Choice, count: int = _TRIALS) -> np.ndarray:
+        """Of the first ``count`` trials on the map at two lengths, (n,)."""
         return np.array([each.score for each in self._localized(choice, True, count)])
 
-    def _localized(self, choice: int, on_map: bool, count: int = _TRIALS) -> list[Outcome]:
-        """Outcomes of the first ``count`` trials on the map, or off it, at a length."""
+    def _localized(self, choice: _Choice, on_map: bool, count: int = _TRIALS) -> list[Outcome]:
+        """Outcomes of the first ``count`` trials on the map, or off it, at two lengths."""
         trials, found = (
             self._on_map if on_map else self._off_map,
             self._outcomes.setdefault((choice, on_map), []),
         )
         if missing := trials[len(found) : count]:
-            found += [trial.localize(LENGTHS[choice]) for trial in missing]
-            self._report()
+            lengths = [LENGTHS[each] for each in choice]
+            found += [trial.localize(*lengths) for trial in missing]
+            self._report(len(missing))
         return found[:count]
 
 
-def _beyond(differences: np.ndarray, errors: float) -> bool:
-    """Whether the mean of ``differences`` (n,) is so many standard errors from zero."""
-    return abs(differences.mean()) > errors * differences.std() / math.sqrt(len(differences))
-
-
 def _is_distinct(differences: np.ndarray, errors: float) -> bool:
-    """The same of scores, of which what the threshold of convergence concedes is no difference."""
-    return _beyond(differences, errors) and abs(differences.mean()) > _CONCEDED
+    """Whether the mean of ``differences`` (n,) of scores is so many standard errors from zero.
+
+    What the threshold of convergence concedes is no difference.
+    """
+    least = errors * differences.std() / math.sqrt(len(differences))
+    return abs(differences.mean()) > max(least, _CONCEDED)
 
 
-def _are_conceded(outcomes: Sequence[Outcome]) -> bool:
-    """Whether no more of them are ever wrong than the threshold of convergence concedes."""
-    return sum(each.wrong for each in outcomes) <= conceded(len(outcomes))
+def _are_conceded(outcomes: Sequence[Outcome], claims: int) -> bool:
+    """Whether no more of them are ever wrong than the threshold of convergence concedes of so many claims."""
+    return sum(each.wrong for each in outcomes) <= conceded(claims)
 
 
 def conceded(claims: int) -> int:

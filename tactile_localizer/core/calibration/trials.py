@@ -54,8 +54,8 @@ class Outcome:
     sweep : its number in the scan
     on_map : whether its surroundings are on the map
     score : mean logarithm of the probability given to the truth
-    right, wrong, converged : converged and right at its end, and never wrong; ever converged and wrong; ever
-        converged
+    right, wrong : converged and right at its end, and never wrong; ever converged and wrong
+    claimed : part of its measurement updates after which it had converged
     error : (d,) distance of the last estimate from the truth along each axis, m (yaw: rad)
     spread : (d,) its standard deviation along each axis without the registration error, m (yaw: rad)
     axes : (d,) score along each axis alone, over the second half of the way; empty if not on the map
@@ -68,12 +68,17 @@ class Outcome:
     score: float
     right: bool
     wrong: bool
-    converged: bool
+    claimed: float
     error: tuple[float, ...]
     spread: tuple[float, ...]
     axes: tuple[float, ...] = ()
     alike: tuple[float, ...] = ()
     other_session: bool = False
+
+    @property
+    def converged(self) -> bool:
+        """Whether it ever converged."""
+        return self.claimed > 0.0
 
     @property
     def lost(self) -> bool:
@@ -124,23 +129,25 @@ class Trial:
         return found
 
     @cached_property
-    def _outcomes(self) -> dict[float, Outcome]:
+    def _outcomes(self) -> dict[tuple[float, float], Outcome]:
         return {}
 
-    def localize(self, information_length: float) -> Outcome:
-        """How it is localized, scoring what is published of the truth; done once for each length."""
-        if information_length not in self._outcomes:
-            self._outcomes[information_length] = self._localized(information_length)
-        return self._outcomes[information_length]
+    def localize(self, information_length: float, explanation_length: float) -> Outcome:
+        """How it is localized, scoring what is published of the truth; done once for the same lengths."""
+        lengths = information_length, explanation_length
+        if lengths not in self._outcomes:
+            self._outcomes[lengths] = self._localized(*lengths)
+        return self._outcomes[lengths]
 
-    def _localized(self, information_length: float) -> Outcome:
+    def _localized(self, information_length: float, explanation_length: float) -> Outcome:
         localizer, (number, _, positions, *_) = self.localizer, self.sweep
         scene, radius, motion = localizer.scene, localizer.criteria.radius, MotionModel(localizer.scene)
         localizer.reset()
-        localizer.set_information_length(information_length)
+        localizer.information_length, localizer.explanation_length = information_length, explanation_length
         score: list[float] = []
         along: list[tuple[float, np.ndarray]] = []
-        right = wrong = converged = False
+        right = wrong = False
+        claims = 0
         travel, away, variance = 0.0, np.zeros(scene.dimension), np.square(scene.extent)
         for count, (row, measurement) in enumerate(self.measurements, 1):
             belief = localizer.measure(measurement)
@@ -149,7 +156,7 @@ class Trial:
             variance = belief.covariance.diagonal()
             near = self.on_map and float(np.square(away / radius).sum()) <= 1.0
             right, wrong = localizer.converged and near, wrong or (localizer.converged and not near)
-            converged = converged or localizer.converged
+            claims += localizer.converged
             truth = positions[row] - measurement.pending
             if count % _EACH == 0:
                 score.append(math.log(max(_probability(self, truth), LEAST_PROBABILITY)))
@@ -167,7 +174,7 @@ class Trial:
             float(np.mean(score)) if score else 0.0,
             bool(right and not wrong),
             bool(wrong),
-            bool(converged),
+            claims / max(len(self.measurements), 1),
             tuple(np.abs(away).tolist()),
             tuple(np.sqrt(np.maximum(variance, 0.0)).tolist()),
             tuple(axes.tolist()),

@@ -126,12 +126,12 @@ def outcome(
     wrong: bool = False,
     y: float = 0.0,
     right: bool = True,
-    converged: bool = True,
+    claimed: float = 1.0,
 ) -> Outcome:
     """Of a trial, with a score along ``y`` alone."""
     axes, none = (0.0, y) if trial.on_map else (), (0.0, 0.0)
-    is_right = converged and right and not wrong
-    return Outcome(trial.sweep.number, trial.on_map, score, is_right, wrong, converged, none, none, axes)
+    is_right = claimed > 0.0 and right and not wrong
+    return Outcome(trial.sweep.number, trial.on_map, score, is_right, wrong, claimed, none, none, axes)
 
 
 def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,7 +144,7 @@ def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.M
     )
     places: list[float] = []
 
-    def localized(trial: Trial, _: float) -> Outcome:
+    def localized(trial: Trial, *_: float) -> Outcome:
         if trial.on_map:
             places.append(float(trial.sweep.positions[0, 1]))
             assert trial.sweep.number in both.sweep_numbers
@@ -155,28 +155,57 @@ def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.M
     assert len(set(places)) == len(one.sweep_numbers)
 
 
-@pytest.mark.parametrize(("more", "chosen"), [(0, 0.0017), (1, 0.005)])
-@pytest.mark.parametrize(("on_map", "count"), [(True, 12), (False, 2 * module._TRIALS)])
-def test_a_length_with_more_false_claims_than_are_conceded_is_not_chosen(
-    monkeypatch: pytest.MonkeyPatch,
-    models: list[SweepModel],
-    on_map: bool,
-    count: int,
-    more: int,
-    chosen: float,
+@pytest.mark.parametrize("by", ["information", "explanation"])
+@pytest.mark.parametrize("on_map", [True, False])
+@pytest.mark.parametrize("more", [0, 1])
+def test_lengths_with_more_false_claims_than_are_conceded_are_not_chosen(
+    monkeypatch: pytest.MonkeyPatch, models: list[SweepModel], on_map: bool, more: int, by: str
 ) -> None:
-    """Of the few claims on the map, or off it of all trials; of the others the score on the map decides."""
-    made, false = Counter[tuple[Material, float, bool]](), more + conceded(count)
-    score = {0.0017: -0.9, 0.003: -1.0, 0.005: -1.1}
+    """Among the claims on the map, or in the trials off it; of the others those with most claims."""
+    made, false = Counter[tuple[Any, ...]](), more + conceded(module._TRIALS)
 
-    def localized(trial: Trial, length: float) -> Outcome:
-        each = trial.localizer.model.material, length, trial.on_map
+    def localized(trial: Trial, information: float, explanation: float) -> Outcome:
+        each = trial.localizer.model.material, information, explanation, trial.on_map
         made[each] += 1
-        wrong = length < 0.004 and trial.on_map == on_map and made[each] <= false
-        return outcome(trial, score.get(length, -5.0), wrong, converged=made[each] <= count)
+        short = (information if by == "information" else explanation) < 0.004
+        wrong = short and trial.on_map == on_map and made[each] <= false
+        return outcome(trial, -1.0 - information, wrong, claimed=0.9 - information - explanation)
 
     monkeypatch.setattr(Trial, "localize", localized)
-    assert without_localizing(models)[1].information_length == chosen
+    found = without_localizing(models)[1]
+    shortest = 0.0017, 0.0017
+    kept = (0.0017, 0.005) if by == "explanation" else (0.005, 0.005)
+    assert (found.information_length, found.explanation_length) == (kept if more else shortest)
+
+
+@pytest.mark.parametrize("ever_right", [True, False])
+def test_a_longer_explanation_length_is_chosen_if_fewer_sweeps_are_lost_with_it(
+    monkeypatch: pytest.MonkeyPatch, models: list[SweepModel], ever_right: bool
+) -> None:
+    """Where none is right at its end, both are the same."""
+
+    def localized(trial: Trial, information: float, explanation: float) -> Outcome:
+        right = trial.on_map and ever_right and (explanation > 0.002 or trial.sweep.number > 4)
+        claimed = (0.9 - explanation) * trial.on_map
+        return outcome(trial, -1.0 - information, right=right, claimed=claimed)
+
+    monkeypatch.setattr(Trial, "localize", localized)
+    found = without_localizing(models)[1]
+    assert found.information_length == 0.0017
+    assert found.explanation_length == (0.003 if ever_right else 0.0017)
+
+
+def test_of_material_that_resembles_itself_claims_on_the_map_alone_decide(
+    monkeypatch: pytest.MonkeyPatch, models: list[SweepModel]
+) -> None:
+    monkeypatch.setattr(
+        Trial,
+        "localize",
+        lambda trial, information, _: outcome(
+            trial, -1.0 - information, not trial.on_map or information < 0.004
+        ),
+    )
+    assert without_localizing(models)[1].information_length == 0.005
 
 
 @pytest.mark.parametrize(("y", "chosen"), [(0.9, 0.0017), (1.1, 0.05)])
@@ -186,32 +215,36 @@ def test_where_an_axis_is_known_no_better_than_by_ignorance_least_is_claimed(
     """Also if the whole is worse than ignorance of the place, because the map is doubted."""
     ignorance = np.log(0.015 / SHEET.extent[1])
     monkeypatch.setattr(
-        Trial, "localize", lambda trial, length: outcome(trial, -5.0 - length, y=y * ignorance)
+        Trial, "localize", lambda trial, length, _: outcome(trial, -5.0 - length, y=y * ignorance)
     )
-    assert without_localizing(models)[1].information_length == chosen
+    found = without_localizing(models)[1]
+    assert found.information_length == found.explanation_length == chosen
 
 
-def test_only_where_a_kind_and_a_length_may_be_the_best_all_is_tried(
+def test_only_where_a_kind_and_lengths_may_be_the_best_all_is_tried(
     monkeypatch: pytest.MonkeyPatch, models: list[SweepModel]
 ) -> None:
-    made = Counter[tuple[Material, float, bool]]()
+    made = Counter[tuple[Any, ...]]()
 
-    def localized(trial: Trial, length: float) -> Outcome:
+    def localized(trial: Trial, *lengths: float) -> Outcome:
         kind = trial.localizer.model.material
-        made[kind, length, trial.on_map] += 1
-        return outcome(trial, -1.0 - abs(length - UNEXAMINED) - (kind is Material.CLOTH))
+        made[(kind, *lengths, trial.on_map)] += 1
+        return outcome(trial, -1.0 - abs(lengths[0] - UNEXAMINED) - (kind is Material.CLOTH))
 
     monkeypatch.setattr(Trial, "localize", localized)
     _, examination = without_localizing(models)
     few, every, shorter, longer = module._FEW, module._TRIALS, 0.005, 0.015
     assert made == {
-        (Material.CLOTH, UNEXAMINED, True): few,
-        **{(Material.SHEET, each, True): few for each in (shorter, longer)},
-        **{(Material.SHEET, UNEXAMINED, on_map): every for on_map in (True, False)},
+        (Material.CLOTH, UNEXAMINED, UNEXAMINED, True): few,
+        (Material.SHEET, UNEXAMINED, UNEXAMINED, True): few,
+        (Material.SHEET, longer, longer, True): few,
+        **{(Material.SHEET, shorter, shorter, on_map): every for on_map in (True, False)},
     }
     assert len(examination.on_map) == len(examination.off_map) == every
-    assert [each[0] for each in examination.scores] == [shorter, UNEXAMINED, longer]
-    assert [each[2] is None for each in examination.scores] == [True, False, True]
+    assert [each[:2] for each in examination.scores] == [
+        (each, each) for each in (shorter, UNEXAMINED, longer)
+    ]
+    assert [each[3] is None for each in examination.scores] == [False, True, True]
 
 
 @pytest.mark.parametrize(
@@ -235,7 +268,7 @@ def test_of_two_kinds_with_like_scores_the_one_with_more_sweeps_right_is_chosen(
     """Scores of cloth are ``better``, and one more or less: their mean has a standard error of 0.14."""
     made = Counter[Material]()
 
-    def localized(trial: Trial, length: float) -> Outcome:
+    def localized(trial: Trial, length: float, _: float) -> Outcome:
         kind, score = trial.localizer.model.material, -5.0 - 9.0 * (length != UNEXAMINED)
         if trial.on_map and kind is Material.CLOTH:
             made[kind] += 1
@@ -265,15 +298,15 @@ class Nearest:
 
 def test_a_model_of_the_position_is_worth_what_held_out_sweeps_show(monkeypatch: pytest.MonkeyPatch) -> None:
     """A model that overstates its evidence eight times gets a longer information length."""
-    known = Calibration(np.full(2, 1e-3), Material.SHEET, examination=Examination(0.005))
+    known = Calibration(np.full(2, 1e-3), Material.SHEET, examination=Examination(0.005, 0.005))
     lengths = []
     for claims in (1.0, 8.0):
         monkeypatch.setattr(Nearest, "claims", claims)
         configuration = Configuration(model=f"{__name__}:Nearest")
         rng = np.random.default_rng(0)
         localizer = build_localizer(scan(0.15), SHEET, configuration, rng, calibration=known)
-        assert localizer.information_length == 0.005, "of the explanations"
-        lengths.append(localizer.position_length)
+        assert localizer.explanation_length == 0.005
+        lengths.append(localizer.information_length)
     assert lengths[1] >= 4.0 * lengths[0]
 
 
@@ -287,9 +320,6 @@ class ByHand:
 
     def reset(self) -> None:
         self._next = 0
-
-    def set_information_length(self, length: float) -> None:
-        pass
 
     def measure(self, measurement: Measurement) -> Belief:
         self.converged, error = self._claims[self._next]
@@ -322,7 +352,7 @@ def test_right_is_right_at_the_end_and_never_wrong(claims: list[tuple[bool, floa
     trial = Trial(HeldOut(3, 0, positions, np.zeros((count, 2))), True, ByHand(claims))  # type: ignore[arg-type]
     step = Measurement(np.zeros(2), np.array([0.001]), 0.001, np.zeros(1), *rest)
     trial.__dict__["measurements"] = [(row, step) for row in range(count)]
-    found = trial.localize(0.005)
+    found = trial.localize(0.005, 0.005)
     assert [found.right, found.wrong, found.lost] == [name == each for each in ("right", "wrong", "lost")]
     assert found.converged == (name != "never")
     assert found.error == pytest.approx((claims[-1][1],))

@@ -65,12 +65,12 @@ def test_each_of_few_sweeps_is_localized_from_its_start_once(monkeypatch: pytest
     begins = {tuple(each.positions[0]) for each in sweeps}
     made = Counter[tuple[tuple[float, ...], float]]()
     monkeypatch.setattr(
-        Trial, "_localized", lambda trial, length: made.update([(tuple(trial.sweep.positions[0]), length)])
+        Trial, "_localized", lambda trial, length, _: made.update([(tuple(trial.sweep.positions[0]), length)])
     )
     trials = list(trials_on_map(48, model, lambda _, out, __: [None] * len(out), sweeps))  # type: ignore[misc]
     for length in (0.003, 0.005):
         for trial in trials:
-            trial.localize(length)
+            trial.localize(length, length)
     assert len(trials) == 48
     assert sum(tuple(trial.sweep.positions[0]) in begins for trial in trials) == 24
     assert {count for (begin, _), count in made.items() if begin in begins} == {1}

@@ -21,7 +21,7 @@ CALIBRATION = Calibration(
     np.array([0.0004, 0.0004]),
     Material.SHEET,
     VarianceModel(visit=0.21, signal=0.036, interpolation=0.18),
-    Examination(information_length=0.0017),
+    Examination(0.0017, 0.0017),
 )
 """Calibration stored in the scans of the shipped scenes, so that tests do not wait for it."""
 
