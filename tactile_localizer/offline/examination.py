@@ -86,7 +86,7 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
     if wrong := sorted({each.sweep + 1 for each in on_map if each.wrong}):
         found.append(f"converged at a wrong place in the examination: sweep {listed(map(str, wrong))}")
     false = sum(each.converged for each in examination.off_map)
-    if false > conceded(len(examination.off_map)):
+    if false > conceded(len(examination.outcomes)):
         found.append(
             f"{false} of {_trials(examination.off_map)} converge on a map without their surroundings: "
             "places resemble each other, and material that was not scanned may be taken for one of them"

@@ -31,7 +31,7 @@ from tactile_localizer.scene import Axis, Phalanx, Scene
 LINE = Scene(
     "line", (Axis("x", 0.0, 0.1, 0.003),), (Phalanx("index", (0.0,), 2), Phalanx("thumb", (0.0,), 2))
 )
-LAYOUT, STEP, LENGTH = LINE.layout, 0.001, 0.004
+LAYOUT, STEP, LENGTH, POSITION_LENGTH = LINE.layout, 0.001, 0.004, 0.002
 STATES = np.array([[0.02], [0.05], [0.08]])
 ON_MAP, SCATTERED = np.array([-1.0, -2.0, -3.0]), np.array([-4.0, -6.0, -8.0])
 """Log-likelihoods of the states as the scan expects strains, and with a covariance of the sweep's own."""
@@ -156,6 +156,7 @@ def localizer(still: float = np.inf) -> Localizer:
         None,
         Convergence(ConvergenceCriteria(np.array([0.0075]))),
         Measurements(LINE, noise.white, noise.variance, wide, np.full(4, still), STEP),
+        POSITION_LENGTH,
         LENGTH,
         np.array([1e-4]),
         Anchors(LINE),
@@ -193,7 +194,7 @@ def test_what_scatters_along_the_strain_is_noise_everywhere_and_else_for_the_pos
         move(of, 30)
         of.filter.likelihoods.clear()
         estimate = move(of)
-        np.testing.assert_allclose(of.filter.likelihoods[-1], STEP / LENGTH * SCATTERED)
+        np.testing.assert_allclose(of.filter.likelihoods[-1], STEP / POSITION_LENGTH * SCATTERED)
         volume, tracked = -4.0 * math.log(3.0), 0.0  # of the belief by hand, under one noise
         if on_map is ON_MAP:
             volume, tracked = 0.0, bayes(np.array([0.5, 0.3, 0.2]), STEP / LENGTH * ON_MAP)[1] * LENGTH / STEP
@@ -222,7 +223,7 @@ def test_all_parts_of_an_update_have_its_exponent_and_travel() -> None:
     exponent = STEP / LENGTH
     assert of.model.given("innovation")[-2:] == pytest.approx((STEP, exponent))
     assert of.model.given("other")[-2:] == pytest.approx((STEP, exponent))
-    np.testing.assert_allclose(of.filter.likelihoods[-1], exponent * ON_MAP)
+    np.testing.assert_allclose(of.filter.likelihoods[-1], STEP / POSITION_LENGTH * ON_MAP)
     assert of.filter.predicted[-1][1] == pytest.approx(STEP)
 
 

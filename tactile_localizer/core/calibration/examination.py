@@ -243,10 +243,10 @@ class _Kind:
 
         The first are next below the best score. With longer ones less is claimed, but for sweeps that are
         wrong or lost with shorter ones, and a longer explanation length makes the information length shorter
-        with which the promise is kept. Where no sweep is right at its end, both are the same.
+        with which the promise is kept. Where none of a few sweeps is right at its end, both are the same.
         """
         last = len(LENGTHS)
-        if not any(each.right for each in self._localized(self.choice, True)):
+        if not any(each.right for each in self._localized(self.choice, True, _FEW)):
             same = ((each, each) for each in range(self.choice[0], last))
             self.choice = next(filter(self._keeps_its_promise, same), self.choice)
             return
@@ -295,13 +295,14 @@ class _Kind:
         """The examination at the best lengths."""
         ignorance = _ignorance(self.scene, self._on_map[0].localizer.criteria.radius)
         outcomes = self._localized(self.choice, True) + self._localized(self.choice, False)
-        scores = []
+        scores: list[tuple[float, float, float, float | None]] = []
         for choice in sorted({choice for choice, _ in self._outcomes}):
             by_truth = ([each.score for each in self._outcomes.get((choice, on), ())] for on in (True, False))
             on_map, off_map = (float(np.mean(each)) if each else None for each in by_truth)
             if on_map is not None:
-                scores.append((*(LENGTHS[each] for each in choice), on_map, off_map))
-        lengths = [LENGTHS[each] for each in self.choice]
+                scores.append((LENGTHS[choice[0]], LENGTHS[choice[1]], on_map, off_map))
+        information, explanation = self.choice
+        lengths = LENGTHS[information], LENGTHS[explanation]
         return Examination(*lengths, *ignorance, tuple(outcomes), tuple(scores))
 
     def _scores(self, choice: _Choice, count: int = _TRIALS) -> np.ndarray:
