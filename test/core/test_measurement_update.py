@@ -195,9 +195,8 @@ def test_what_scatters_along_the_strain_is_noise_everywhere_and_else_for_the_pos
         of.filter.likelihoods.clear()
         estimate = move(of)
         np.testing.assert_allclose(of.filter.likelihoods[-1], STEP / POSITION_LENGTH * SCATTERED)
-        volume, tracked = -4.0 * math.log(3.0), 0.0  # of the belief by hand, under one noise
-        if on_map is ON_MAP:
-            volume, tracked = 0.0, bayes(np.array([0.5, 0.3, 0.2]), STEP / LENGTH * ON_MAP)[1] * LENGTH / STEP
+        volume = -4.0 * math.log(3.0) if on_map is SCATTERED else 0.0
+        tracked = bayes(np.array([0.5, 0.3, 0.2]), STEP / LENGTH * on_map)[1] * LENGTH / STEP
         assert estimate.log_marginal == pytest.approx(tracked + volume)
         assert estimate.log_other == pytest.approx(volume)
 
