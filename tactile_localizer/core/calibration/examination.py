@@ -45,7 +45,7 @@ LENGTHS = (0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
 """Lengths to choose from, m; the search begins in the middle."""
 _LONGEST = len(LENGTHS) - 1, len(LENGTHS) - 1
 UNEXAMINED = LENGTHS[len(LENGTHS) // 2]
-"""Information length where no sweep can be held out, m."""
+"""Both lengths where no sweep can be held out, m."""
 _TRIALS, _FEW = 48, 12
 """Sweeps, or parts of them, that are localized on the map, and off it: at the lengths that may be the best,
 and at others."""
@@ -55,6 +55,7 @@ _CONCEDED = -math.log(Configuration().convergence_probability)
 """Score of a belief that just converges."""
 Progress = Callable[[float], None]
 _Choice = tuple[int, int]
+"""Numbers of the information length and the explanation length in :data:`LENGTHS`."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,8 @@ class Examination:
 
     Parameters
     ----------
-    information_length : travel per independent measurement, m
+    information_length : m of travel per independent measurement of the position
+    explanation_length : the same of whether this is the map; both are of :data:`LENGTHS`
     ignorance : score of a uniform belief on the map
     ignorance_axes : (d,) the same along each axis alone
     outcomes : of the sweeps, at these lengths
@@ -239,45 +241,45 @@ class _Kind:
         return self if right[0] >= right[1] else other
 
     def refine(self) -> None:
-        """Choose the lengths with which most is claimed of those that keep the promise, by all trials.
+        """Choose, by all trials, the lengths with which most is claimed and few claims are false.
 
-        The first are next below the best score. With longer ones less is claimed, but for sweeps that are
-        wrong or lost with shorter ones, and a longer explanation length makes the information length shorter
-        with which the promise is kept. Where none of a few sweeps is right at its end, both are the same.
+        The search begins at the length next below that with the best score. With longer lengths less is
+        claimed, except by sweeps that were wrong or lost with shorter ones, and fewer claims are false. Where
+        none of a few sweeps is right at its end, both lengths are the same.
         """
         last = len(LENGTHS)
         if not any(each.right for each in self._localized(self.choice, True, _FEW)):
             same = ((each, each) for each in range(self.choice[0], last))
-            self.choice = next(filter(self._keeps_its_promise, same), self.choice)
+            self.choice = next(filter(self._has_few_false_claims, same), self.choice)
             return
         most = -1.0
         for information in range(max(self.choice[0] - 1, 0), last):
-            is_kept = True
+            are_few = True
             for explanation in range(information, last):
                 choice = information, explanation
-                if not self._is_quiet_off_map(choice, _FEW):
-                    is_kept = False
+                if not self._has_few_claims_off_map(choice, _FEW):
+                    are_few = False
                     continue
                 on_map = self._localized(choice, True)
                 claimed = float(np.mean([each.claimed * each.right for each in on_map]))
                 if claimed <= most:
                     break
-                if not self._keeps_its_promise(choice):
-                    is_kept = False
+                if not self._has_few_false_claims(choice):
+                    are_few = False
                     continue
                 self.choice, most = choice, claimed
                 if not any(each.wrong or each.lost for each in on_map):
                     break
-            if most >= 0.0 and is_kept:
+            if most >= 0.0 and are_few:
                 return
 
-    def _keeps_its_promise(self, choice: _Choice) -> bool:
+    def _has_few_false_claims(self, choice: _Choice) -> bool:
         """Whether no more claims are wrong than are conceded: on the map, few as they may be, and off it."""
         on_map = self._localized(choice, True)
         claims = sum(each.converged for each in on_map)
-        return _are_conceded(on_map, claims) and self._is_quiet_off_map(choice)
+        return _are_conceded(on_map, claims) and self._has_few_claims_off_map(choice)
 
-    def _is_quiet_off_map(self, choice: _Choice, count: int = _TRIALS) -> bool:
+    def _has_few_claims_off_map(self, choice: _Choice, count: int = _TRIALS) -> bool:
         """Whether no more claims are made in trials off the map, where each is wrong, than are conceded.
 
         Of material that resembles itself nothing is expected.

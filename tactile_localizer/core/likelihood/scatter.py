@@ -122,7 +122,7 @@ class Scatter(NamedTuple):
 
 
 def _directions(moments: np.ndarray, measurements: float) -> np.ndarray:
-    """The same covariance of one phalanx, of its ``moments`` (C, C)."""
+    """Covariance (C, C) of the residuals of one phalanx with these second ``moments`` (C, C)."""
     values, vectors = np.linalg.eigh(moments)
     others, edge = len(values), _edge(len(values), measurements)
     while others > 1 and values[others - 1] > edge * max(values[:others].mean(), 1.0):

@@ -37,7 +37,7 @@ def held_out_figure(examination: Examination, scene: Scene, size_in: tuple[float
 def score_figure(examination: Examination, size_in: tuple[float, float]) -> Figure:
     """Probability given to the truth, the geometric mean along the sweeps, by information length.
 
-    Of each, with the best of the explanation lengths that were tried with it.
+    Of each, with the explanation length that was chosen, or, where that was not tried, with the best.
 
     Parameters
     ----------
@@ -45,8 +45,9 @@ def score_figure(examination: Examination, size_in: tuple[float, float]) -> Figu
     """
     figure = Figure(figsize=size_in, layout="constrained")
     plot = figure.subplots()
-    best = {each[0]: each for each in sorted(examination.scores, key=lambda each: each[2])}
-    lengths, _, *scores = np.array(sorted(best.values()), dtype=float).T
+    chosen = examination.explanation_length
+    last = sorted(examination.scores, key=lambda each: (each[1] == chosen, each[2]))
+    lengths, _, *scores = np.array(sorted({each[0]: each for each in last}.values()), dtype=float).T
     on_map, off_map = np.exp(scores)
     plot.plot(MM * lengths, on_map, "o-", color="tab:blue", label="true place")
     if examination.off_map:
