@@ -136,14 +136,8 @@ def examine(
     tracks = models[0].scan.tracks
     if len(tracks) < 2:
         return 0, Examination()
-    sweeps, done = held_out(scan, tracks, models[0].scan.spacing), 0
-
-    def report(trials: int) -> None:
-        nonlocal done
-        done += trials
-        if progress is not None:
-            progress(done / (done + 4.0 * _TRIALS * len(models)))
-
+    sweeps = held_out(scan, tracks, models[0].scan.spacing)
+    report = _counting(progress, len(models))
     kinds = [_Kind(model, build, sweeps, report) for model in models]
     best = kinds[0]
     best.climb(0, 1)
@@ -174,18 +168,24 @@ def examine_position(
     """
     if len(model.scan.tracks) < 2:
         return UNEXAMINED
+    report = _counting(progress, 1)
+    kind = _Kind(model, build, held_out(scan, model.scan.tracks, model.scan.spacing), report)
+    kind.choice = kind.choice[0], LENGTHS.index(explanation_length)
+    kind.climb(0)
+    return LENGTHS[kind.choice[0]]
+
+
+def _counting(progress: Progress | None, models: int) -> Callable[[int], None]:
+    """Reports the completed fraction after so many more trials; how many there will be is not known."""
     done = 0
 
     def report(trials: int) -> None:
         nonlocal done
         done += trials
         if progress is not None:
-            progress(done / (done + 4.0 * _FEW))
+            progress(done / (done + 4.0 * _FEW * models))
 
-    kind = _Kind(model, build, held_out(scan, model.scan.tracks, model.scan.spacing), report)
-    kind.choice = kind.choice[0], LENGTHS.index(explanation_length)
-    kind.climb(0)
-    return LENGTHS[kind.choice[0]]
+    return report
 
 
 class _Kind:

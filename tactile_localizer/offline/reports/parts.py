@@ -35,7 +35,7 @@ def examination_sections(examination: Examination, scene: Scene, found: Sequence
         (
             score_figure(examination, size_in),
             "How probable the localizer finds what is true (geometric mean along the sweeps; more is "
-            "better), by the travel that counts as one independent measurement. Grey line: the one chosen.",
+            "better), by the travel per independent measurement of the position. Grey line: the one chosen.",
         ),
     ]
     return [Section("The examination of the scan", [f"{sentence(line)}." for line in lines], figures)]
