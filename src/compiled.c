@@ -64,6 +64,41 @@ static PyObject *map_at(PyObject *self, PyObject *args)
     Py_RETURN_NONE;
 }
 
+/* follow(K, values f (K, N, C), ancestors n (M,), taken_in d (M,), mean f (K, C); found f (K, M, C)) */
+static PyObject *follow(PyObject *self, PyObject *args)
+{
+    enum { VALUES, ANCESTORS, TAKEN_IN, MEAN, FOUND, ALL };
+    Py_buffer a[ALL] = {{0}};
+    Py_ssize_t kinds;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "ny*y*y*y*w*", &kinds, &a[VALUES], &a[ANCESTORS], &a[TAKEN_IN], &a[MEAN], &a[FOUND]))
+        return NULL;
+    const Py_ssize_t after = COUNT(a[ANCESTORS], intptr_t), channels = kinds > 0 ? COUNT(a[MEAN], float) / kinds : 0;
+    const Py_ssize_t before = kinds * channels > 0 ? COUNT(a[VALUES], float) / (kinds * channels) : 0;
+    const intptr_t *ancestors = a[ANCESTORS].buf;
+    const double *taken_in = a[TAKEN_IN].buf;
+    bool fits = HAS(VALUES, kinds * before * channels, float) && HAS(TAKEN_IN, after, double) &&
+                HAS(MEAN, kinds * channels, float) && HAS(FOUND, kinds * after * channels, float);
+    for (Py_ssize_t m = 0; fits && m < after; m++) {
+        if (ancestors[m] >= 0 && ancestors[m] < before) continue;
+        PyErr_Format(PyExc_ValueError, "ancestors: expected numbers below %zd, got %zd", before, ancestors[m]);
+        fits = false;
+    }
+    for (Py_ssize_t k = 0; fits && k < kinds; k++) {
+        const float *mean = (const float *)a[MEAN].buf + k * channels;
+        const float *values = (const float *)a[VALUES].buf + k * before * channels;
+        float *found = (float *)a[FOUND].buf + k * after * channels;
+        for (Py_ssize_t m = 0; m < after; m++) {
+            const float *own = values + ancestors[m] * channels, share = (float)taken_in[m];
+            float *of = found + m * channels;
+            for (Py_ssize_t c = 0; c < channels; c++) of[c] = (1.0f - share) * own[c] + share * mean[c];
+        }
+    }
+    release(a, ALL);
+    if (!fits) return NULL;
+    Py_RETURN_NONE;
+}
+
 static const double LARGEST_GAIN = 1.0 - 1e-9; /* as in core/likelihood/drift.py */
 
 /* drift(measurements, level, rate, prior, whitened, exponent, all d (C,); memory, variance, largest energy, travel;
@@ -491,6 +526,7 @@ static PyObject *probability_within(PyObject *self, PyObject *args)
 
 static PyMethodDef METHODS[] = {
     {"map_at", map_at, METH_VARARGS, "Nodes nearest to places, and the strain there."},
+    {"follow", follow, METH_VARARGS, "What is known along trajectories, of what was along their ancestors."},
     {"drift", drift, METH_VARARGS, "What of a strain and of the map their trends do not predict, and trends after it."},
     {"on_map", on_map, METH_VARARGS, "Likelihoods of a strain at places of the map."},
     {"scatter", scatter, METH_VARARGS, "Second moments of the residuals of a strain from the map."},

@@ -274,8 +274,9 @@ class Localizer:
         # The first prediction has one trajectory, of all states.
         weights = self.filter.weights() if self._sweep.strains else np.ones(1)
         prediction = self.filter.predict(displacement, travel, before.injected)
-        self._sweep = self._sweep.followed(prediction, weights)
-        return prediction, before.predict(travel, prediction.left, lost)
+        explanations = before.predict(travel, prediction.left, lost)
+        self._sweep = self._sweep.followed(prediction, weights, explanations.placed)
+        return prediction, explanations
 
     def _weigh(
         self, prediction: Prediction, evidence: Evidence, measurement: Measurement, travel: float

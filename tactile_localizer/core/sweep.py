@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core.filters.base import Prediction
+from tactile_localizer.core.likelihood.ancestry import Ancestry
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.gain import RECENT, Gain
 from tactile_localizer.core.likelihood.on_map import Places
@@ -71,25 +72,19 @@ class Sweep(NamedTuple):
             model.other.start(),
         )
 
-    def followed(self, prediction: Prediction, weights: np.ndarray) -> Sweep:
-        """Along the trajectories to predicted states; ``weights`` (P,) are of the states before.
+    def followed(self, prediction: Prediction, weights: np.ndarray, placed: np.ndarray) -> Sweep:
+        """Along the trajectories to predicted states, and those of the anchors, which continue themselves.
 
-        What of a state's weight was taken in, from anywhere, has the mean over all states before: a hand that
-        was placed elsewhere was tracked.
+        ``weights`` (P,) are of the states before, and ``placed`` (R,) is the fraction of the weight of each
+        anchor that was placed there, from anywhere.
         """
-        before, new = len(weights), (prediction.continued < 1.0).nonzero()[0]
-        own = len(prediction.ancestors) == before and prediction.ancestors == np.arange(before)
-        if not len(new) and np.all(own):
-            return self
-        # The trajectories of the anchors follow those of the states.
-        anchors = np.arange(before, self.trend.of_map.shape[1])
-        ancestors = np.concatenate([prediction.ancestors, anchors])
-        trend, gain = self.trend.followed(ancestors), self.gain.followed(ancestors)
-        if len(new):
-            fraction = 1.0 - prediction.continued[new]
-            trend.mix(new, self.trend.averaged(weights), fraction)
-            gain.mix(new, self.gain.averaged(weights), fraction)
-        return self._replace(trend=trend, gain=gain)
+        anchors = np.arange(len(weights), self.trend.of_map.shape[1])
+        ancestry = Ancestry(
+            np.concatenate([prediction.ancestors, anchors]),
+            np.concatenate([1.0 - prediction.continued, placed]),
+            weights,
+        )
+        return self._replace(trend=self.trend.followed(ancestry), gain=self.gain.followed(ancestry))
 
     def whitened_by(self, model: SweepMixture, excess: np.ndarray) -> Sweep:
         """With the ``model`` of the scan for strains that have more noise, by ``excess`` (C, C), V^2.

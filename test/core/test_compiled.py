@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core import compiled
 from tactile_localizer.core.hypotheses.convergence import Ellipsoid
+from tactile_localizer.core.likelihood.ancestry import Ancestry
 from tactile_localizer.core.likelihood.drift import Drift, Trend
 from tactile_localizer.core.likelihood.gain import Gain
 from tactile_localizer.core.likelihood.on_map import Felt, MapLikelihood, Places
@@ -169,6 +170,25 @@ def test_drifts_are_followed_as_by_numpy(
     with pytest.MonkeyPatch.context() as patch:
         for one, other in both(patch, lambda: tuple(followed())):
             np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5 * np.abs(other).max(initial=1.0))
+
+
+@given(seed=SEEDS, shape=st.tuples(*[st.integers(1, 9)] * 3), size=SIZES)
+def test_trajectories_are_followed_as_by_numpy(seed: int, shape: tuple[int, int, int], size: float) -> None:
+    rng = np.random.default_rng(seed)
+    values, before, after = size * rng.standard_normal(shape).astype(np.float32), shape[1], rng.integers(9)
+    weights = rng.dirichlet(np.ones(rng.integers(before) + 1))
+    taken_in = np.where(rng.integers(0, 2, after), rng.random(after), rng.integers(0, 2, after))
+    ancestry = Ancestry(rng.integers(0, before, after), taken_in, weights)
+    with pytest.MonkeyPatch.context() as patch:
+        for one, other in both(patch, lambda: ancestry.followed(values)):
+            np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6 * size)
+
+
+@pytest.mark.parametrize("ancestor", [-1, 3])
+def test_an_ancestor_that_there_is_not_is_refused(ancestor: int) -> None:
+    ancestry = Ancestry(np.array([ancestor]), np.zeros(1), np.ones(1))
+    with pytest.raises(ValueError, match=f"expected numbers below 3, got {ancestor}"):
+        ancestry.followed(np.zeros((1, 3, 1), dtype=np.float32))
 
 
 @given(seed=SEEDS, layout=LAYOUTS, size=SIZES, level=LEVELS)

@@ -18,6 +18,7 @@ from tactile_localizer.core.filters.belief import Belief
 from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.hypotheses.convergence import Convergence, ConvergenceCriteria
 from tactile_localizer.core.hypotheses.explanations import Explanations
+from tactile_localizer.core.likelihood.ancestry import Ancestry
 from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.gain import RECENT, Gain
 from tactile_localizer.core.likelihood.material import Material
@@ -137,7 +138,7 @@ class ModelByHand:
     def on_map(self, *given: Any) -> OnMap:
         (_, used), (nodes, states, _, gain) = given
         self._note("on_map", gain, used)
-        information = np.ones((2, 1)) * np.arange(len(nodes))
+        information = np.ones((2, 1), np.float32) * np.arange(len(nodes), dtype=np.float32)
         return OnMap(
             (ON_MAP if self.covariance is None else SCATTERED).copy(),
             np.full(len(nodes) - states, self.at_anchors),
@@ -204,14 +205,15 @@ def test_what_scatters_along_the_strain_is_noise_everywhere_and_else_for_the_pos
 def test_the_gain_of_each_trajectory_takes_in_its_own_residuals() -> None:
     of, fraction = localizer(), STEP / LENGTH
     move(of)
-    start = of.model.given("on_map")[0]
-    information = np.arange(start.mean.shape[1])
-    of.filter.ancestors = np.array([2, 2, 0])
+    start, weights = of.model.given("on_map")[0], of.filter.weights()
+    information = np.arange(start.mean.shape[1], dtype=np.float32)
+    of.filter.ancestors, new = np.array([2, 2, 0]), placed(of, 0.2)
     move(of)
-    expected = start.updated(information, -0.5 * information, fraction)
-    expected = expected.followed(np.r_[2, 2, 0, 3 : len(information)]).predicted(STEP, 0.1)
-    for found, each in zip(of.model.given("on_map")[0], expected, strict=True):
-        np.testing.assert_allclose(found, each, rtol=1e-6)
+    updated = start.updated(information, -0.5 * information, fraction)
+    ancestors, taken_in = np.r_[2, 2, 0, 3 : len(information)], np.r_[np.zeros(3), new]
+    expected = updated.followed(Ancestry(ancestors, taken_in, weights))
+    for found, each in zip(of.model.given("on_map")[0], expected.predicted(STEP, 0.1), strict=True):
+        np.testing.assert_allclose(found, each, rtol=1e-5)
     begun = Gain.start(2, len(information), 0.1)
     np.testing.assert_allclose(start.variance, begun.variance)
 
@@ -247,16 +249,36 @@ def test_the_trend_goes_on_from_one_update_to_the_next() -> None:
     assert of.model.given("innovation")[0].measurements == 7.0
 
 
-def test_trajectories_follow_their_ancestors_and_those_of_the_anchors_stay() -> None:
+def placed(of: Localizer, relocated: float) -> np.ndarray:
+    """Fraction of the weight of each anchor that the next step places there, (R,).
+
+    Where a hand was ``relocated`` so far with this probability, to every second anchor.
+    """
+    weights = np.zeros(len(of._anchors))
+    weights[::2] = 1.0 / len(weights[::2])
+    explanations = of.explanations._replace(
+        relocated=relocated, tracked=0.6 - relocated, other=0.4, anchor_weights=weights
+    )
+    of._explanations = explanations
+    return np.asarray(explanations.predict(STEP, 0.0, np.zeros(len(weights), dtype=bool)).placed)
+
+
+@pytest.mark.parametrize("already", [0.0, 0.2])
+def test_trajectories_follow_their_ancestors_and_a_hand_that_is_placed_elsewhere_was_tracked(
+    already: float,
+) -> None:
+    """Its trend is that with which it was tracked; of a hand that was there before, that of the anchor."""
     of = localizer()
     move(of)
-    anchors = len(of._anchors)
-    of.filter.ancestors = np.array([2, 2, 0])
     before = of.model.given("innovation")[0].of_map[0, :, 0]
+    of.filter.ancestors, fraction = np.array([2, 2, 0]), placed(of, already)
+    tracked = of.filter.weights() @ before[:3]
     move(of)
     after = of.model.given("innovation")[0].of_map[0, :, 0]
-    np.testing.assert_array_equal(before, [0, 1, 2, *range(1, anchors + 1)])
-    np.testing.assert_array_equal(after, [2, 2, 0, *range(1, anchors + 1)])
+    np.testing.assert_array_equal(after[:3], before[[2, 2, 0]])
+    np.testing.assert_allclose(after[3:], before[3:] + fraction * (tracked - before[3:]), rtol=1e-5)
+    np.testing.assert_allclose(fraction[1::2], 1.0)
+    assert np.all(fraction[::2] < 0.01) if already else np.all(fraction == 1.0)
 
 
 def test_what_is_new_of_a_state_was_tracked_before() -> None:
@@ -270,7 +292,8 @@ def test_what_is_new_of_a_state_was_tracked_before() -> None:
     mean = of.filter.weights() @ trend.of_map[0, :3, 0]
     np.testing.assert_allclose(found, trend.of_map[0, 0, 0] + np.array([0.0, 0.75, 1.0]) * mean, rtol=1e-6)
     new = of.model.given("on_map")[0].mean[:, 2:3]
-    np.testing.assert_allclose(new, gain.averaged(of.filter.weights()).predicted(STEP, 0.1).mean, rtol=1e-6)
+    tracked = of.filter.weights() @ gain.predicted(STEP, 0.1).mean[:, :3].T
+    np.testing.assert_allclose(new[:, 0], tracked, rtol=1e-6)
 
 
 def test_anchors_move_with_the_palm() -> None:

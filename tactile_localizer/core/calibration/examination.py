@@ -202,7 +202,6 @@ class _Kind:
         self.scene, self._report = model.scan.tracks.scene, report
         self._on_map = list(trials_on_map(_TRIALS, model, build, sweeps))
         self._make_off_map = partial(trials_off_map, _TRIALS, model, build, sweeps)
-        self._outcomes: dict[tuple[_Choice, bool], list[Outcome]] = {}
         self.choice: _Choice = LENGTHS.index(UNEXAMINED), LENGTHS.index(UNEXAMINED)
 
     @cached_property
@@ -237,7 +236,7 @@ class _Kind:
             difference = self._scores(self.choice, count) - other._scores(other.choice, count)
             if _is_distinct(difference, errors):
                 return self if difference.mean() > 0.0 else other
-        right = [sum(each.right for each in kind._localized(kind.choice, True)) for kind in (self, other)]
+        right = [sum(each.right for each in kind._outcomes(kind.choice, True)) for kind in (self, other)]
         return self if right[0] >= right[1] else other
 
     def refine(self) -> None:
@@ -248,7 +247,7 @@ class _Kind:
         none of a few sweeps is right at its end, both lengths are the same.
         """
         last = len(LENGTHS)
-        if not any(each.right for each in self._localized(self.choice, True, _FEW)):
+        if not any(each.right for each in self._outcomes(self.choice, True, _FEW)):
             same = ((each, each) for each in range(self.choice[0], last))
             self.choice = next(filter(self._has_few_false_claims, same), self.choice)
             return
@@ -260,7 +259,7 @@ class _Kind:
                 if not self._has_few_claims_off_map(choice, _FEW):
                     are_few = False
                     continue
-                on_map = self._localized(choice, True)
+                on_map = self._outcomes(choice, True)
                 claimed = float(np.mean([each.claimed * each.right for each in on_map]))
                 if claimed <= most:
                     break
@@ -275,53 +274,60 @@ class _Kind:
 
     def _has_few_false_claims(self, choice: _Choice) -> bool:
         """Whether no more claims are wrong than are conceded: on the map, few as they may be, and off it."""
-        on_map = self._localized(choice, True)
+        on_map = self._outcomes(choice, True)
         claims = sum(each.converged for each in on_map)
         return _are_conceded(on_map, claims) and self._has_few_claims_off_map(choice)
 
     def _has_few_claims_off_map(self, choice: _Choice, count: int = _TRIALS) -> bool:
         """Whether no more claims are made in trials off the map, where each is wrong, than are conceded.
 
-        Of material that resembles itself nothing is expected.
+        Those in which there were claims with other lengths come first, as they decide soonest. Of material
+        that resembles itself nothing is expected.
         """
-        claims = len(self._off_map)
-        outcomes = (self._localized(choice, False, tried) for tried in range(1, min(count, claims) + 1))
-        return all(_are_conceded(each, claims) for each in outcomes) or self._resembles_itself
+        trials = sorted(self._off_map, key=lambda each: -sum(was.wrong for was in each.outcomes.values()))
+        false, claims = 0, len(trials)
+        for trial in trials[:count]:
+            false += self._localized(choice, trial).wrong
+            if false > conceded(claims):
+                return self._resembles_itself
+        return True
 
     @cached_property
     def _resembles_itself(self) -> bool:
         """Whether there are more false claims off the map even in a few trials with the longest lengths."""
-        return not _are_conceded(self._localized(_LONGEST, False, _FEW), len(self._off_map))
+        return not _are_conceded(self._outcomes(_LONGEST, False, _FEW), len(self._off_map))
 
     def examination(self) -> Examination:
         """The examination at the best lengths."""
         ignorance = _ignorance(self.scene, self._on_map[0].localizer.criteria.radius)
-        outcomes = self._localized(self.choice, True) + self._localized(self.choice, False)
+        outcomes = self._outcomes(self.choice, True) + self._outcomes(self.choice, False)
         scores: list[tuple[float, float, float, float | None]] = []
-        for choice in sorted({choice for choice, _ in self._outcomes}):
-            by_truth = ([each.score for each in self._outcomes.get((choice, on), ())] for on in (True, False))
-            on_map, off_map = (float(np.mean(each)) if each else None for each in by_truth)
-            if on_map is not None:
-                scores.append((LENGTHS[choice[0]], LENGTHS[choice[1]], on_map, off_map))
+        for lengths in sorted({lengths for trial in self._on_map for lengths in trial.outcomes}):
+            on_map, off_map = (
+                [trial.outcomes[lengths].score for trial in trials if lengths in trial.outcomes]
+                for trials in (self._on_map, self._off_map)
+            )
+            every = len(off_map) == len(self._off_map) > 0
+            scores.append((*lengths, float(np.mean(on_map)), float(np.mean(off_map)) if every else None))
         information, explanation = self.choice
         lengths = LENGTHS[information], LENGTHS[explanation]
         return Examination(*lengths, *ignorance, tuple(outcomes), tuple(scores))
 
     def _scores(self, choice: _Choice, count: int = _TRIALS) -> np.ndarray:
         """Of the first ``count`` trials on the map at two lengths, (n,)."""
-        return np.array([each.score for each in self._localized(choice, True, count)])
+        return np.array([each.score for each in self._outcomes(choice, True, count)])
 
-    def _localized(self, choice: _Choice, on_map: bool, count: int = _TRIALS) -> list[Outcome]:
+    def _outcomes(self, choice: _Choice, on_map: bool, count: int = _TRIALS) -> list[Outcome]:
         """Outcomes of the first ``count`` trials on the map, or off it, at two lengths."""
-        trials, found = (
-            self._on_map if on_map else self._off_map,
-            self._outcomes.setdefault((choice, on_map), []),
-        )
-        if missing := trials[len(found) : count]:
-            lengths = [LENGTHS[each] for each in choice]
-            found += [trial.localize(*lengths) for trial in missing]
-            self._report(len(missing))
-        return found[:count]
+        trials = self._on_map if on_map else self._off_map
+        return [self._localized(choice, trial) for trial in trials[:count]]
+
+    def _localized(self, choice: _Choice, trial: Trial) -> Outcome:
+        """Outcome of a trial at two lengths."""
+        done, (information, explanation) = len(trial.outcomes), choice
+        found = trial.localize(LENGTHS[information], LENGTHS[explanation])
+        self._report(len(trial.outcomes) - done)
+        return found
 
 
 def _is_distinct(differences: np.ndarray, errors: float) -> bool:

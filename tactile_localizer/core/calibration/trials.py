@@ -129,15 +129,16 @@ class Trial:
         return found
 
     @cached_property
-    def _outcomes(self) -> dict[tuple[float, float], Outcome]:
+    def outcomes(self) -> dict[tuple[float, float], Outcome]:
+        """How it was localized, by the information and the explanation length, m."""
         return {}
 
     def localize(self, information_length: float, explanation_length: float) -> Outcome:
         """How it is localized, scoring what is published of the truth; done once for the same lengths."""
         lengths = information_length, explanation_length
-        if lengths not in self._outcomes:
-            self._outcomes[lengths] = self._localized(*lengths)
-        return self._outcomes[lengths]
+        if lengths not in self.outcomes:
+            self.outcomes[lengths] = self._localized(*lengths)
+        return self.outcomes[lengths]
 
     def _localized(self, information_length: float, explanation_length: float) -> Outcome:
         localizer, (number, _, positions, *_) = self.localizer, self.sweep

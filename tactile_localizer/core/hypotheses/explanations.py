@@ -27,12 +27,14 @@ class Explanations(NamedTuple):
     relocated : it was placed elsewhere on the map
     other : it is on other material, featureless or not
     anchor_weights : (R,) of the anchors, with a sum of one, given that the hand was relocated
+    placed : (R,) fraction of the weight of each anchor that was placed there with the last motion
     """
 
     tracked: float
     relocated: float
     other: float
     anchor_weights: np.ndarray
+    placed: np.ndarray | float = 0.0
 
     @classmethod
     def start(cls, anchors: int) -> Explanations:
@@ -59,7 +61,7 @@ class Explanations(NamedTuple):
         Beyond the bounds moved the fraction ``left`` of the belief, and the anchors ``lost`` (R,) bool. Where
         :attr:`injected` is not zero, the filter has taken in the belief of a relocated hand.
         """
-        tracked, relocated, other, weights = self
+        tracked, relocated, other, weights = self[:4]
         if self.injected:
             tracked, relocated = tracked + relocated, 0.0
         if np.count_nonzero(lost):
@@ -75,11 +77,12 @@ class Explanations(NamedTuple):
         tracked, relocated = on_map[0] + returned, on_map[1]
         moved = -math.expm1(-RELOCATION_RATE * travel)
         arriving = moved * (tracked + other)
-        anywhere = relocated + arriving
-        if anywhere > 0.0:
+        anywhere, placed = relocated + arriving, np.zeros(len(weights))
+        if arriving > 0.0:
             new = arriving / anywhere / len(weights)
             weights = relocated / anywhere * weights + new
-        return Explanations(tracked * (1.0 - moved), anywhere, other * (1.0 - moved), weights)
+            placed = new / weights
+        return Explanations(tracked * (1.0 - moved), anywhere, other * (1.0 - moved), weights, placed)
 
     def update(self, travel: float, at_anchors: np.ndarray, other: float) -> Explanations:
         """Take in log-likelihoods of a strain, relative to that of the filter's belief and tempered.

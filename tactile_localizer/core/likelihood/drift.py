@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_localizer.core import compiled
+from tactile_localizer.core.likelihood.ancestry import Ancestry
 
 OUTLIER = 100.0
 """Ratio of the energy of an outlier to the largest that is expected. By judgement."""
@@ -35,18 +36,9 @@ class Trend(NamedTuple):
     rate: np.ndarray
     of_map: np.ndarray
 
-    def followed(self, trajectories: np.ndarray) -> Trend:
-        """The trend along some of the trajectories, (M,) int."""
-        return self._replace(of_map=self.of_map.take(trajectories, axis=1))
-
-    def averaged(self, weights: np.ndarray) -> np.ndarray:
-        """The mean (2, C) of level and rate over the first trajectories, with ``weights`` (P,)."""
-        return np.asarray(weights.astype(np.float32) @ self.of_map[:, : len(weights)])
-
-    def mix(self, rows: np.ndarray, other: np.ndarray, fraction: np.ndarray) -> None:
-        """Give ``other`` (2, C) to a ``fraction`` (m,) of the weight of trajectories ``rows`` (m,) int."""
-        own, share = self.of_map[:, rows], fraction.astype(np.float32)[:, None]
-        self.of_map[:, rows] = own + share * (other[:, None] - own)
+    def followed(self, ancestry: Ancestry) -> Trend:
+        """The trend along the trajectories that continue these."""
+        return self._replace(of_map=ancestry.followed(self.of_map))
 
 
 class Innovation(NamedTuple):

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_localizer.core.likelihood.ancestry import Ancestry
+
 LEAST_VARIANCE = 0.03
 """Least variance of the gain: another session, with another force, differs more than the sweeps of a scan. By
 judgement."""
@@ -31,22 +33,10 @@ class Gain(NamedTuple):
         shape = (phalanges, count)
         return cls(np.ones(shape, dtype=np.float32), np.full(shape, variance, dtype=np.float32))
 
-    def followed(self, trajectories: np.ndarray) -> Gain:
-        """The gain along some of the trajectories, (M,) int."""
-        return Gain(self.mean.take(trajectories, axis=1), self.variance.take(trajectories, axis=1))
-
-    def averaged(self, weights: np.ndarray) -> Gain:
-        """The mean over the first trajectories, with ``weights`` (P,)."""
-        narrow = weights.astype(np.float32)
-        mean, variance = (each[:, : len(weights)] @ narrow for each in self)
-        return Gain(mean[:, None], variance[:, None])
-
-    def mix(self, rows: np.ndarray, other: Gain, fraction: np.ndarray) -> None:
-        """Give ``other`` to a ``fraction`` (m,) of the weight of the trajectories ``rows`` (m,) int."""
-        share = fraction.astype(np.float32)
-        for values, new in zip(self, other, strict=True):
-            own = values[:, rows]
-            values[:, rows] = own + share * (new - own)
+    def followed(self, ancestry: Ancestry) -> Gain:
+        """The gain along the trajectories that continue these."""
+        mean, variance = (ancestry.followed(each[..., None])[..., 0] for each in self)
+        return Gain(mean, variance)
 
     def predicted(self, travel: float, prior: float) -> Gain:
         """The gain after ``travel`` metres, over which it returns to the ``prior`` variance about one."""

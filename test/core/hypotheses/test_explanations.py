@@ -7,7 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_localizer.core.hypotheses.explanations import RELOCATION_DISTANCE, Explanations
+from tactile_localizer.core.hypotheses.explanations import (
+    RELOCATION_DISTANCE,
+    RELOCATION_RATE,
+    Explanations,
+)
 
 PLACES, PITCH = 20, 0.0005
 IMPOSSIBLE = -math.inf
@@ -64,6 +68,15 @@ def relocated(nats: float, places: int = PLACES, travel: float = 0.05) -> tuple[
         if explanations.injected:
             return explanations, (n + 1) * PITCH
     return explanations, math.inf
+
+
+def test_what_was_placed_at_the_anchors_is_what_came_to_them() -> None:
+    explanations, travel = Explanations(0.6, 0.1, 0.3, ONE_PLACE), 0.002
+    moved = explanations.predict(travel, 0.0, NONE)
+    came = (1.0 - math.exp(-RELOCATION_RATE * travel)) * (1.0 - explanations.relocated)
+    assert moved.relocated * (moved.anchor_weights @ moved.placed) == pytest.approx(came, rel=1e-3)
+    assert moved.placed[1] < 0.01 < 0.99 < moved.placed[0], "no hand was there before"
+    np.testing.assert_array_equal(explanations.predict(0.0, 0.0, NONE).placed, 0.0)
 
 
 def test_a_relocated_hand_takes_over_once_another_place_explains_more() -> None:

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.models import KalmanFilter, LinearModel
 
+from tactile_localizer.core.likelihood.ancestry import Ancestry
 from tactile_localizer.core.likelihood.drift import Drift, innovations
 
 STEP, UNKNOWN = 0.0005, np.full(2, np.inf)
@@ -37,7 +38,8 @@ def test_the_innovation_of_strain_less_map_is_that_of_their_difference(
     trend, felt = drift.start(trajectories), np.zeros((0, trajectories, 2))
     for strain in strains:
         ancestors = rng.integers(0, trajectories, trajectories)
-        trend, felt = trend.followed(ancestors), felt[:, ancestors]
+        trend = trend.followed(Ancestry(ancestors, np.zeros(trajectories), np.ones(1)))
+        felt = felt[:, ancestors]
         expected = 10.0 * rng.standard_normal((trajectories, 2)).astype(np.float32)
         innovation, trend = drift.update(trend, strain, expected, STEP, 1.0)
         felt = np.concatenate([felt, expected[None]])
@@ -45,13 +47,6 @@ def test_the_innovation_of_strain_less_map_is_that_of_their_difference(
         direct = of_strains(drift, strains - felt[:, trajectory])[-1]
         found = innovation.of_strain - innovation.of_map[trajectory]
         np.testing.assert_allclose(found, direct, atol=1e-4)
-
-
-def test_a_trajectory_continues_its_ancestor_and_what_was_injected_by_their_fractions() -> None:
-    drift = Drift(np.inf, 1.0, np.ones(2))
-    _, trend = drift.update(drift.start(2), np.zeros(2), np.array([[0, 0], [8, 8]], np.float32), STEP, 1.0)
-    trend.mix(np.array([0]), trend.of_map[:, 1], np.array([0.75]))
-    np.testing.assert_allclose(trend.of_map[0, :, 0], [0.75 * 4.0, 4.0])
 
 
 @pytest.mark.parametrize("prior", [0.1, 1.0, 25.0])

@@ -56,22 +56,3 @@ def test_along_a_featureless_way_the_gain_of_before_is_forgotten() -> None:
     assert 0.0 < kept[0, 0] < 1.0
     np.testing.assert_allclose(whole.variance, PRIOR + kept**2 * (before.variance - PRIOR), rtol=1e-5)
     np.testing.assert_allclose(before.predicted(10.0, PRIOR), Gain.start(1, 1, PRIOR), rtol=1e-6)
-
-
-def numbered(first: float, count: int) -> Gain:
-    """Of two phalanges, along ``count`` trajectories."""
-    mean = first + np.arange(2.0 * count, dtype=np.float32).reshape(2, count)
-    return Gain(mean, 0.1 * mean)
-
-
-def test_each_trajectory_keeps_its_own() -> None:
-    found = numbered(0.0, 3).followed(np.array([2, 2, 0, 1]))
-    np.testing.assert_allclose(found.mean, [[2, 2, 0, 1], [5, 5, 3, 4]])
-    np.testing.assert_allclose(found.variance, 0.1 * found.mean)
-
-
-def test_what_is_new_of_a_state_has_its_part_of_the_gain() -> None:
-    found, rows, fraction = numbered(0.0, 3), np.array([2, 0]), np.array([0.25, 1.0])
-    found.mix(rows, numbered(100.0, 2), fraction)
-    np.testing.assert_allclose(found.mean, [[101.0, 1.0, 0.75 * 2.0 + 25.0], [103.0, 4.0, 0.75 * 5.0 + 25.5]])
-    np.testing.assert_allclose(found.variance, 0.1 * found.mean, rtol=1e-6)

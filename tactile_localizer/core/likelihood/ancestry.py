@@ -1,0 +1,39 @@
+"""Where the trajectories of a belief come from, and what is known along them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactile_localizer.core import compiled
+
+
+class Ancestry(NamedTuple):
+    """Where M trajectories come from: those of the states, then those of the anchors.
+
+    A hand that is placed elsewhere was tracked: of what came to a trajectory from anywhere, the mean over the
+    states before is known.
+
+    Parameters
+    ----------
+    ancestors : (M,) int, the trajectory of N before that each continues
+    taken_in : (M,) fraction of its weight that came to it from anywhere instead
+    weights : (P,) of the states before, the first of the N trajectories
+    """
+
+    ancestors: np.ndarray
+    taken_in: np.ndarray
+    weights: np.ndarray
+
+    def followed(self, values: np.ndarray) -> np.ndarray:
+        """What is known along the M trajectories, (K, M, C) float32, of ``values`` (K, N, C) float32."""
+        mean = self.weights.astype(np.float32) @ values[:, : len(self.weights)]
+        if compiled.MODULE is not None:
+            found = np.empty((len(values), len(self.ancestors), values.shape[2]), dtype=np.float32)
+            compiled.MODULE.follow(len(values), values, self.ancestors, self.taken_in, mean, found)
+            return found
+        found, rows = values.take(self.ancestors, axis=1), self.taken_in.nonzero()[0]
+        share = self.taken_in[rows].astype(np.float32)[:, None]
+        found[:, rows] = (1.0 - share) * found[:, rows] + share * mean[:, None]
+        return found
