@@ -261,13 +261,14 @@ class _Kind:
                     continue
                 on_map = self._outcomes(choice, True)
                 claimed = float(np.mean([each.claimed * each.right for each in on_map]))
-                if claimed <= most:
-                    break
-                if not self._has_few_false_claims(choice):
-                    are_few = False
-                    continue
-                self.choice, most = choice, claimed
-                if not any(each.wrong or each.lost for each in on_map):
+                if claimed > most:
+                    if self._has_few_false_claims(choice):
+                        self.choice, most = choice, claimed
+                    else:
+                        are_few = False
+                # With longer lengths sweeps that are right claim less, the others all of their way at most.
+                others = float(np.mean([each.wrong or each.lost for each in on_map]))
+                if claimed + others <= most:
                     break
             if most >= 0.0 and are_few:
                 return

@@ -34,7 +34,7 @@ class Explanations(NamedTuple):
     relocated: float
     other: float
     anchor_weights: np.ndarray
-    placed: np.ndarray | float = 0.0
+    placed: np.ndarray = np.zeros(0)
 
     @classmethod
     def start(cls, anchors: int) -> Explanations:

@@ -170,7 +170,7 @@ def test_lengths_with_more_false_claims_than_are_conceded_are_not_chosen(
         made[each] += not is_one_of_several
         short = (information if by == "information" else explanation) < 0.004
         wrong = short and trial.on_map == on_map and not is_one_of_several and made[each] <= false
-        return outcome(trial, -1.0 - information, wrong, claimed=0.9 - information - explanation)
+        return outcome(trial, -1.0 - information, wrong, claimed=0.9 - 10.0 * (information + explanation))
 
     monkeypatch.setattr(Trial, "_localized", localized)
     found = without_localizing(models)[1]
@@ -199,21 +199,20 @@ def test_trials_with_claims_off_the_map_decide_of_other_lengths_soonest(
     assert tried[0.0017, 0.003] == tried[0.0017, 0.0017][-false:]
 
 
-@pytest.mark.parametrize("ever_right", [True, False])
+@pytest.mark.parametrize(("lost_below", "chosen"), [(0.002, 0.003), (0.004, 0.005), (1.0, 0.0017)])
 def test_a_longer_explanation_length_is_chosen_if_fewer_sweeps_are_lost_with_it(
-    monkeypatch: pytest.MonkeyPatch, models: list[SweepModel], ever_right: bool
+    monkeypatch: pytest.MonkeyPatch, models: list[SweepModel], lost_below: float, chosen: float
 ) -> None:
-    """Where none is right at its end, both are the same."""
+    """Even if the next one only claims less. Where none is right at its end, both are the same."""
 
     def localized(trial: Trial, information: float, explanation: float) -> Outcome:
-        right = trial.on_map and ever_right and (explanation > 0.002 or trial.sweep.number > 4)
-        claimed = (0.9 - explanation) * trial.on_map
-        return outcome(trial, -1.0 - information, right=right, claimed=claimed)
+        ever = trial.sweep.number > 4 and lost_below < 1.0
+        right = trial.on_map and (explanation > lost_below or ever)
+        return outcome(trial, -1.0 - information, right=right, claimed=(0.9 - explanation) * trial.on_map)
 
     monkeypatch.setattr(Trial, "_localized", localized)
     found = without_localizing(models)[1]
-    assert found.information_length == 0.0017
-    assert found.explanation_length == (0.003 if ever_right else 0.0017)
+    assert (found.information_length, found.explanation_length) == (0.0017, chosen)
 
 
 def test_of_material_that_resembles_itself_claims_on_the_map_alone_decide(
