@@ -9,7 +9,7 @@ import numpy as np
 from tactile_localizer.core.calibration.examination import Examination, conceded
 from tactile_localizer.core.calibration.trials import Outcome
 from tactile_localizer.errors import counted, listed
-from tactile_localizer.offline.axes import MM, describe_sizes
+from tactile_localizer.offline.axes import MM, describe_sizes, display_units
 from tactile_localizer.scene import Scene
 
 _OBSERVED = 0.5
@@ -83,10 +83,12 @@ def examination_findings(scene: Scene, examination: Examination) -> list[str]:
     if observed.any() and (2 * converged < len(on_map) or examination.score < examination.ignorance):
         why = _why_few(scene, on_map, [name for name, yes in zip(names, observed, strict=True) if not yes])
         found.append(f"only {converged} of {_trials(on_map)} converged: {why}")
+    elif 2 * sum(each.right for each in on_map) < len(on_map) and (lost := [o for o in on_map if o.lost]):
+        found.append(f"{len(lost)} of {_trials(on_map)} are lost again{_behind(scene, lost)}")
     if wrong := sorted({each.sweep + 1 for each in on_map if each.wrong}):
         found.append(f"converged at a wrong place in the examination: sweep {listed(map(str, wrong))}")
     false = sum(each.converged for each in examination.off_map)
-    if false > conceded(len(examination.outcomes)):
+    if false > conceded(len(examination.off_map)):
         found.append(
             f"{false} of {_trials(examination.off_map)} converge on a map without their surroundings: "
             "places resemble each other, and material that was not scanned may be taken for one of them"
@@ -105,6 +107,17 @@ def _why_few(scene: Scene, on_map: Sequence[Outcome], unknown: Sequence[str]) ->
         apart = describe_sizes(scene, np.median(alike, axis=0))
         return f"places that are {apart} apart feel alike, until something else is felt"
     return "the sweeps differ from each other by as much as places do"
+
+
+def _behind(scene: Scene, lost: Sequence[Outcome]) -> str:
+    """Where half of the sweeps were last known; axes are left out of which that is more than one half."""
+    places = np.quantile([each.last_known for each in lost], [0.25, 0.75], axis=0)
+    within = []
+    for axis, low, high, extent in zip(scene.axis_names, *places, scene.extent, strict=True):
+        if high - low <= 0.5 * extent:
+            unit = "°" if axis == "yaw" else " mm"
+            within.append(f"{axis} {display_units(axis, low):.0f} to {display_units(axis, high):.0f}{unit}")
+    return f", most of them behind {', '.join(within)}" if within else ", all over the scan"
 
 
 def examination_document(examination: Examination) -> dict[str, Any]:

@@ -14,7 +14,7 @@ SCENE = Scene("sheet", (Axis("x", 0.0, 0.05), Axis("y", 0.0, 0.04)), (Phalanx("i
 
 
 def examination(off_map: int = 0, wrong: int = 0, along_y: float = -0.1, sweeps: int = 6) -> Examination:
-    """Of ``sweeps`` held-out sweeps, ``wrong`` of them wrong, and twelve trials off the map."""
+    """Of ``sweeps`` held-out sweeps, ``wrong`` of them wrong, and 48 trials off the map."""
 
     def outcome(n: int, on_map: bool, false: bool) -> Outcome:
         axes = (-0.1, along_y) if on_map else ()
@@ -23,7 +23,7 @@ def examination(off_map: int = 0, wrong: int = 0, along_y: float = -0.1, sweeps:
         return Outcome(n, on_map, -1.0, right, false, claimed, (0.001, 0.002), (0.001, 0.011), axes)
 
     tried = [outcome(n, True, n < wrong) for n in range(sweeps)]
-    tried += [outcome(n % sweeps, False, n < off_map) for n in range(12)]
+    tried += [outcome(n % sweeps, False, n < off_map) for n in range(48)]
     return Examination(0.003, 0.005, -3.0, (-1.5, -1.2), tuple(tried))
 
 
@@ -33,7 +33,7 @@ def test_what_to_expect_is_said() -> None:
         "6 sweeps, each on a map without it: 4 right at the end, 2 ever wrong, "
         "0 converged and lost again, 0 never converged",
         "mean error of those that are right: x 1.00 mm, y 2.00 mm",
-        "12 parts of 6 sweeps, each on a map without its surroundings, as on material that was not scanned: "
+        "48 parts of 6 sweeps, each on a map without its surroundings, as on material that was not scanned: "
         "1 converged, which is wrong",
         "nothing is known of another force or another day: scan some lines again so, in another session",
         "probability of the true place 0.37 on average (a blind guess: 0.05, certainty: 1); "
@@ -59,7 +59,7 @@ def test_what_another_session_costs_is_said() -> None:
             "y cannot be localized: 38.1 of the 40 mm remain possible .* leave y out of the scene",
         ),
         ({"wrong": 2}, "converged at a wrong place in the examination: sweep 1, 2"),
-        ({"off_map": 2}, "2 of 12 parts of 6 sweeps converge on a map without their surroundings"),
+        ({"off_map": 2}, "2 of 48 parts of 6 sweeps converge on a map without their surroundings"),
         ({"sweeps": 2}, "examination: only 2 sweeps, which says little; record more"),
     ],
 )
@@ -84,6 +84,25 @@ def test_why_few_sweeps_converge_is_said(along_y: float, alike: tuple[float, ...
     ]
     *_, last = examination_findings(SCENE, replace(found, outcomes=tuple(never)))
     assert re.fullmatch(f"only 2 of 6 sweeps converged: {why}", last), last
+
+
+@pytest.mark.parametrize(
+    ("places", "behind"),
+    [
+        ([(0.02, 0.0), (0.021, 0.04), (0.022, 0.0), (0.049, 0.04)], "most of them behind x 21 to 29 mm"),
+        ([(0.0, 0.0), (0.05, 0.04), (0.0, 0.04), (0.05, 0.0)], "all over the scan"),
+    ],
+)
+def test_where_sweeps_are_lost_again_is_said(places: list[tuple[float, ...]], behind: str) -> None:
+    found = examination()
+    lost = [
+        replace(each, right=False, last_known=places[each.sweep])
+        if each.on_map and each.sweep < len(places)
+        else each
+        for each in found.outcomes
+    ]
+    (line,) = examination_findings(SCENE, replace(found, outcomes=tuple(lost)))
+    assert line == f"4 of 6 sweeps are lost again, {behind}"
 
 
 def test_a_single_false_claim_is_no_finding() -> None:

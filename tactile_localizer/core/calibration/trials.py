@@ -61,6 +61,7 @@ class Outcome:
     axes : (d,) score along each axis alone, over the second half of the way; empty if not on the map
     alike : (d,) m (yaw: rad), from the truth to another place that is as probable at its end; empty: none
     other_session : whether its map is of other sessions
+    last_known : (d,) where it was when it was last converged and right, m (yaw: rad); empty: nowhere
     """
 
     sweep: int
@@ -74,6 +75,7 @@ class Outcome:
     axes: tuple[float, ...] = ()
     alike: tuple[float, ...] = ()
     other_session: bool = False
+    last_known: tuple[float, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -148,7 +150,7 @@ class Trial:
         score: list[float] = []
         along: list[tuple[float, np.ndarray]] = []
         right = wrong = False
-        claims = 0
+        claims, last_known = 0, np.zeros(0)
         travel, away, variance = 0.0, np.zeros(scene.dimension), np.square(scene.extent)
         for count, (row, measurement) in enumerate(self.measurements, 1):
             belief = localizer.measure(measurement)
@@ -159,6 +161,7 @@ class Trial:
             right, wrong = localizer.converged and near, wrong or (localizer.converged and not near)
             claims += localizer.converged
             truth = positions[row] - measurement.pending
+            last_known = truth if right else last_known
             if count % _EACH == 0:
                 score.append(math.log(max(_probability(self, truth), LEAST_PROBABILITY)))
                 if self.on_map:
@@ -181,6 +184,7 @@ class Trial:
             tuple(axes.tolist()),
             _place_alike(localizer, truth) if self.on_map else (),
             self.other_session,
+            tuple(last_known.tolist()),
         )
 
 
