@@ -22,6 +22,7 @@ COLUMNS = {
     "converged": ("converged", ".2f"),
     "false_sweeps": ("false sweeps", ".3f"),
     "false_strains": ("strains", ".4f"),
+    "again": ("again", ".2f"),
     "false_before": ("before", "d"),
     "false_blank": ("blank", "d"),
     "false_none": ("none", "d"),
@@ -88,6 +89,12 @@ def falsely_converged(sweeps: Sequence[ReplayedSweep], radius: float) -> Row:
     }
 
 
+def again(sweeps: Sequence[ReplayedSweep], radius: float) -> Row:
+    """Share of the sweeps, in which the hand is placed elsewhere, that are converged and right at their end."""
+    ends = [sweep.converged[-1] and position_error(sweep)[-1] <= radius for sweep in sweeps]
+    return {"again": float(np.mean(ends)) if ends else None}
+
+
 def summary(rows: Sequence[Row]) -> Row:
     """Over rows: their counts summed, and the means of their other measures."""
     answer: Row = {}
@@ -113,7 +120,7 @@ def by_sweep(
 ) -> dict[str, list[float]]:
     """What ``measure`` returns of each sweep alone, by name; NaN where it is not defined."""
     rows = [measure([sweep]) for sweep in sweeps]
-    return {key: [float(row[key]) for row in rows] for key in rows[0]}
+    return {key: [float(row[key]) for row in rows] for key in rows[0]} if rows else {}
 
 
 def on_unscanned(sweeps: Sequence[ReplayedSweep], name: str = "foreign") -> Row:

@@ -24,6 +24,9 @@ A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``
 ``false_sweeps``, ``false_strains``
     share of the sweeps that are ever, from contact on, converged and more than the convergence radius
     (7.5 mm) off; share of the converged strains, of whole sweeps, that are so far off
+``again``
+    share of the sweeps that are converged and right at their end, where after three quarters of a sweep the
+    hand is placed elsewhere, without a displacement, and goes on with the last three quarters of another
 ``false_before``, ``false_blank``
     how many sweeps converge before contact, and how many blank sweeps ever converge
 ``foreign_strains``, ``foreign_sweeps``
@@ -57,6 +60,7 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from operator import itemgetter
 from pathlib import Path
@@ -66,6 +70,7 @@ import numpy as np
 from measures import (
     COLUMNS,
     Row,
+    again,
     by_sweep,
     ever_converged,
     falsely_converged,
@@ -174,6 +179,35 @@ def with_texture(recording: Recording, std: np.ndarray) -> Recording:
     return with_added(recording, lambda sweep: np.cos(sweep.position @ vectors.T + phases) @ heights)
 
 
+def placed_elsewhere(recording: Recording, least: float) -> Recording:
+    """Three quarters of each sweep, and then the last three quarters of another, at least ``least`` m away.
+
+    The positions are those of the arm, which does not know that the material was moved.
+    """
+    sweeps, found = recording.sweeps, []
+    for number, before in enumerate(sweeps):
+        after = sweeps[(number + len(sweeps) // 2) % len(sweeps)]
+        until, since = slice(3 * len(before) // 4), slice(len(after) // 4, None)
+        assert before.truth is not None and after.truth is not None
+        truth, following = before.truth[until], after.truth[since]
+        if np.linalg.norm(following[0] - truth[-1]) < least:
+            continue
+        stamps = after.stamp_ns[since] - after.stamp_ns[since][0] + 2 * before.stamp_ns[until][-1]
+        stamps = stamps - before.stamp_ns[until][-2]
+        of_hand = after.position[since] - after.position[since][0] + before.position[until][-1]
+        found.append(
+            RecordedSweep(
+                before.number,
+                np.concatenate([before.stamp_ns[until], stamps]),
+                np.concatenate([before.position[until], of_hand]),
+                np.concatenate([before.strain[until], after.strain[since]]),
+                np.concatenate([before.status[until], after.status[since]]),
+                np.concatenate([truth, following]),
+            )
+        )
+    return replace(recording, sweeps=tuple(found))
+
+
 def line_numbers(means: np.ndarray) -> np.ndarray:
     """Number of the line of each sweep, by the order of their mean positions (S, d) across the lines."""
     across = means[:, np.ptp(means, axis=0).argmax()]
@@ -251,16 +285,21 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         scan, scene, configuration, np.random.default_rng(seed), calibration=calibration
     )
 
-    def replayed(path: Path, strain_std: np.ndarray, texture: float = 0.0) -> list[ReplayedSweep]:
+    def moved(path: Path, strain_std: np.ndarray, texture: float = 0.0) -> Recording:
         recording = with_texture(load_recording(path, scene), texture * visit_std)
         noisy = with_white_noise(recording, strain_std, np.random.default_rng([seed, 2]))
-        return localize(localizer, noisy, variant.odometry_noise, seed)
+        return with_displacements(noisy, scene, variant.odometry_noise, seed)
+
+    def replayed(*given: Any) -> list[ReplayedSweep]:
+        return replay(localizer, moved(*given))
 
     def measures(sweeps: Sequence[ReplayedSweep]) -> Row:
-        radius = configuration.convergence_radius
         return {**on_feature(sweeps), **falsely_converged(sweeps, radius)}
 
-    sweeps = replayed(test, added, variant.texture)
+    radius = configuration.convergence_radius
+    recording = moved(test, added, variant.texture)
+    sweeps = replay(localizer, recording)
+    placed = replay(localizer, placed_elsewhere(recording, 2.0 * radius))
     memory = localizer.model.drift.memory
     row: Row = {
         "folder": folder.name,
@@ -273,6 +312,7 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         "seed": seed,
         "sweeps": len(sweeps),
         **measures(sweeps),
+        **again(placed, radius),
         **update_times(sweeps, read_us(scan)),
         "learning_s": learning_s,
         "learned": {
@@ -282,7 +322,7 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
             "memory": memory if np.isfinite(memory) else "constant",
         },
         "standard_errors": standard_errors(measures, sweeps),
-        "by_sweep": by_sweep(measures, sweeps),
+        "by_sweep": by_sweep(measures, sweeps) | by_sweep(partial(again, radius=radius), placed),
     }
     if blank is not None:
         row["false_blank"] = ever_converged(replayed(blank, added, variant.texture))
@@ -298,12 +338,15 @@ def localize(
     localizer: Localizer, recording: Recording, odometry_noise: float, seed: int
 ) -> list[ReplayedSweep]:
     """Localize the sweeps of true positions by noisy displacements, others by their own."""
-    scene = localizer.scene
+    return replay(localizer, with_displacements(recording, localizer.scene, odometry_noise, seed))
+
+
+def with_displacements(recording: Recording, scene: Scene, odometry_noise: float, seed: int) -> Recording:
+    """A recording of true positions with noisy displacements, any other one as it is."""
     if all(sweep.truth is not None for sweep in recording.sweeps):
-        return replay(localizer, recording)
+        return recording
     axes = tuple(replace(axis, motion_std=odometry_noise * axis.motion_std) for axis in scene.axes)
-    noisy = with_odometry(recording, replace(scene, axes=axes), np.random.default_rng([seed, 1]), SIMULATED)
-    return replay(localizer, noisy)
+    return with_odometry(recording, replace(scene, axes=axes), np.random.default_rng([seed, 1]), SIMULATED)
 
 
 def learned_values(values: Mapping[str, Any]) -> Row:
