@@ -90,7 +90,7 @@ def falsely_converged(sweeps: Sequence[ReplayedSweep], radius: float) -> Row:
 
 
 def again(sweeps: Sequence[ReplayedSweep], radius: float) -> Row:
-    """Share of the sweeps, in which the hand is placed elsewhere, that are converged and right at their end."""
+    """Share of sweeps in which the hand is placed elsewhere that are converged and right at their end."""
     ends = [sweep.converged[-1] and position_error(sweep)[-1] <= radius for sweep in sweeps]
     return {"again": float(np.mean(ends)) if ends else None}
 

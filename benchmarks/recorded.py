@@ -188,18 +188,19 @@ def placed_elsewhere(recording: Recording, least: float) -> Recording:
     for number, before in enumerate(sweeps):
         after = sweeps[(number + len(sweeps) // 2) % len(sweeps)]
         until, since = slice(3 * len(before) // 4), slice(len(after) // 4, None)
-        assert before.truth is not None and after.truth is not None
+        assert before.truth is not None
+        assert after.truth is not None
         truth, following = before.truth[until], after.truth[since]
         if np.linalg.norm(following[0] - truth[-1]) < least:
             continue
-        stamps = after.stamp_ns[since] - after.stamp_ns[since][0] + 2 * before.stamp_ns[until][-1]
-        stamps = stamps - before.stamp_ns[until][-2]
-        of_hand = after.position[since] - after.position[since][0] + before.position[until][-1]
+        stamps, position = before.stamp_ns[until], before.position[until]
+        later = after.stamp_ns[since] + (2 * stamps[-1] - stamps[-2] - after.stamp_ns[since][0])
+        going_on = after.position[since] + (position[-1] - after.position[since][0])
         found.append(
             RecordedSweep(
                 before.number,
-                np.concatenate([before.stamp_ns[until], stamps]),
-                np.concatenate([before.position[until], of_hand]),
+                np.concatenate([stamps, later]),
+                np.concatenate([position, going_on]),
                 np.concatenate([before.strain[until], after.strain[since]]),
                 np.concatenate([before.status[until], after.status[since]]),
                 np.concatenate([truth, following]),
