@@ -85,7 +85,7 @@ docs: build ## Write docs/parameters.md from the nodes
 
 shipped := examples/recordings/engine_bump
 .PHONY: pictures
-pictures: build ## Draw the pictures of the pages (four minutes)
+pictures: build ## Draw the pictures of the pages (ten minutes)
 	$(run) python docs/make/drawings.py
 	$(run) python docs/make/animation.py
 	rm -rf out/pictures
