@@ -33,7 +33,7 @@ class Ancestry(NamedTuple):
             found = np.empty((len(values), len(self.ancestors), values.shape[2]), dtype=np.float32)
             compiled.MODULE.follow(len(values), values, self.ancestors, self.taken_in, mean, found)
             return found
-        found, rows = values.take(self.ancestors, axis=1), self.taken_in.nonzero()[0]
-        share = self.taken_in[rows].astype(np.float32)[:, None]
-        found[:, rows] = (1.0 - share) * found[:, rows] + share * mean[:, None]
+        found, share = values.take(self.ancestors, axis=1), self.taken_in.astype(np.float32)[:, None]
+        found *= 1.0 - share
+        found += share * mean[:, None]
         return found
