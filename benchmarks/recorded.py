@@ -180,9 +180,10 @@ def with_texture(recording: Recording, std: np.ndarray) -> Recording:
 
 
 def placed_elsewhere(recording: Recording, least: float) -> Recording:
-    """Three quarters of each sweep, and then the last three quarters of another, at least ``least`` m away.
+    """Sweeps in which the material is moved under the hand once, which the positions of the arm do not show.
 
-    The positions are those of the arm, which does not know that the material was moved.
+    Each consists of the first 75 % of one sweep and the last 75 % of another, which begins at least ``least``
+    metres from where the first one ends. Pairs that are closer, or shorter than four samples, are left out.
     """
     sweeps, found = recording.sweeps, []
     for number, before in enumerate(sweeps):
@@ -191,7 +192,7 @@ def placed_elsewhere(recording: Recording, least: float) -> Recording:
         assert before.truth is not None
         assert after.truth is not None
         truth, following = before.truth[until], after.truth[since]
-        if np.linalg.norm(following[0] - truth[-1]) < least:
+        if min(len(before), len(after)) < 4 or np.linalg.norm(following[0] - truth[-1]) < least:
             continue
         stamps, position = before.stamp_ns[until], before.position[until]
         later = after.stamp_ns[since] + (2 * stamps[-1] - stamps[-2] - after.stamp_ns[since][0])

@@ -110,14 +110,17 @@ def _why_few(scene: Scene, on_map: Sequence[Outcome], unknown: Sequence[str]) ->
 
 
 def _behind(scene: Scene, lost: Sequence[Outcome]) -> str:
-    """Where half of the sweeps were last known; axes are left out of which that is more than one half."""
+    """The middle half of the places where the sweeps were last known, as text.
+
+    Axes over more than half of which these places are spread are left out.
+    """
     places = np.quantile([each.last_known for each in lost], [0.25, 0.75], axis=0)
     within = []
     for axis, low, high, extent in zip(scene.axis_names, *places, scene.extent, strict=True):
         if high - low <= 0.5 * extent:
             unit = "°" if axis == "yaw" else " mm"
             within.append(f"{axis} {display_units(axis, low):.0f} to {display_units(axis, high):.0f}{unit}")
-    return f", most of them behind {', '.join(within)}" if within else ", all over the scan"
+    return f", half of them behind {', '.join(within)}" if within else ", all over the scan"
 
 
 def examination_document(examination: Examination) -> dict[str, Any]:
