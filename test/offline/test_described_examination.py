@@ -20,7 +20,7 @@ def examination(off_map: int = 0, wrong: int = 0, along_y: float = -0.1, sweeps:
         axes = (-0.1, along_y) if on_map else ()
         right = on_map and not false
         claimed = float(right or false)
-        return Outcome(n, on_map, -1.0, right, false, claimed, (0.001, 0.002), (0.001, 0.011), axes)
+        return Outcome(n, on_map, -1.0, right, false, claimed, claimed, (0.001, 0.002), (0.001, 0.011), axes)
 
     tried = [outcome(n, True, n < wrong) for n in range(sweeps)]
     tried += [outcome(n % sweeps, False, n < off_map) for n in range(48)]

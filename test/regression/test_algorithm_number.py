@@ -7,7 +7,7 @@ from tactile_localizer.io.recording import scan_of
 from tactile_localizer.io.scans.learned import ALGORITHM
 from tactile_localizer.sim import shipped_scene, simulate_recording
 
-LEARNED = {28: [0.001048, 0.001419, 0.4006, 0.00934, 0.03054, 0.2047, 0.0017, 0.0017]}
+LEARNED = {29: [0.001048, 0.001419, 0.4006, 0.00934, 0.03054, 0.2047, 0.0017, 0.0017]}
 """By number, registration error, factors of the variance and lengths of a simulated scan. After a
 change that alters them, add one to ``ALGORITHM`` and write the new ones here, so that scans are examined
 anew."""

@@ -24,6 +24,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import chain, zip_longest
 
 import numpy as np
 
@@ -70,7 +71,7 @@ class Examination:
     ignorance_axes : (d,) the same along each axis alone
     outcomes : of the sweeps, at these lengths
     scores : of pairs of lengths that were tried, m, in this order: on the map, and on other material
-        (``None``: not tried)
+        (``None``: not in all trials)
     """
 
     information_length: float = UNEXAMINED
@@ -242,56 +243,58 @@ class _Kind:
     def refine(self) -> None:
         """Choose, by all trials, the lengths with which most is claimed and few claims are false.
 
-        The search begins at the length next below that with the best score. With longer lengths less is
-        claimed, except by sweeps that were wrong or lost with shorter ones, and fewer claims are false. Where
+        The search begins at the length next below that with the best score. With longer lengths fewer claims
+        are false, and a sweep converges later: no more is claimed than since it did with shorter ones. Where
         none of a few sweeps is right at its end, both lengths are the same.
         """
-        last = len(LENGTHS)
-        if not any(each.right for each in self._outcomes(self.choice, True, _FEW)):
-            same = ((each, each) for each in range(self.choice[0], last))
-            self.choice = next(filter(self._has_few_false_claims, same), self.choice)
-            return
-        most = -1.0
-        for information in range(max(self.choice[0] - 1, 0), last):
+        last, most = len(LENGTHS), -1.0
+        is_any_right = any(each.right for each in self._outcomes(self.choice, True, _FEW))
+        for information in range(max(self.choice[0] - is_any_right, 0), last):
             are_few = True
-            for explanation in range(information, last):
+            for explanation in range(information, last if is_any_right else information + 1):
                 choice = information, explanation
-                if not self._has_few_claims_off_map(choice, _FEW):
-                    are_few = False
-                    continue
-                on_map = self._outcomes(choice, True)
-                claimed = float(np.mean([each.claimed * each.right for each in on_map]))
-                if claimed > most:
-                    if self._has_few_false_claims(choice):
-                        self.choice, most = choice, claimed
-                    else:
-                        are_few = False
-                # With longer lengths sweeps that are right claim less, the others all of their way at most.
-                others = float(np.mean([each.wrong or each.lost for each in on_map]))
-                if claimed + others <= most:
+                if self._claimed_at_most(choice) <= most:
                     break
+                if self._passes(choice, most):
+                    self.choice, most = choice, self._claimed_at_most(choice)
+                elif self._has_false_claims(choice):
+                    are_few = False
             if most >= 0.0 and are_few:
                 return
 
-    def _has_few_false_claims(self, choice: _Choice) -> bool:
-        """Whether no more claims are wrong than are conceded: on the map, few as they may be, and off it."""
-        on_map = self._outcomes(choice, True)
-        claims = sum(each.converged for each in on_map)
-        return _are_conceded(on_map, claims) and self._has_few_claims_off_map(choice)
+    def _passes(self, choice: _Choice, most: float) -> bool:
+        """Whether more than ``most`` is claimed and right with two lengths, and few claims are false.
 
-    def _has_few_claims_off_map(self, choice: _Choice, count: int = _TRIALS) -> bool:
-        """Whether no more claims are made in trials off the map, where each is wrong, than are conceded.
-
-        Those in which there were claims with other lengths come first, as they decide soonest. Of material
-        that resembles itself nothing is expected.
+        Until one of these cannot be: first come the trials on the map that could claim most and those off it
+        with most false claims at other lengths, in turn. Those on it last where nothing is claimed yet.
         """
-        trials = sorted(self._off_map, key=lambda each: -sum(was.wrong for was in each.outcomes.values()))
-        false, claims = 0, len(trials)
-        for trial in trials[:count]:
-            false += self._localized(choice, trial).wrong
-            if false > conceded(claims):
-                return self._resembles_itself
+        on_map = sorted(self._on_map, key=lambda each: -_claimed_at_most(each, choice))
+        off_map = sorted(self._off_map, key=lambda each: -sum(was.wrong for was in each.outcomes.values()))
+        in_turn = zip_longest(on_map, off_map) if most >= 0.0 else [(*off_map, *on_map)]
+        for trial in filter(None, chain.from_iterable(in_turn)):
+            self._localized(choice, trial)
+            if self._claimed_at_most(choice) <= most or self._has_false_claims(choice):
+                return False
         return True
+
+    def _claimed_at_most(self, choice: _Choice) -> float:
+        """Most that can be claimed and right on the map, by trials with these and with shorter lengths."""
+        return float(np.mean([_claimed_at_most(each, choice) for each in self._on_map]))
+
+    def _has_false_claims(self, choice: _Choice) -> bool:
+        """Whether more claims are wrong than are conceded: of those on the map, or off it.
+
+        Off the map each claim is wrong; of material that resembles itself nothing is expected there.
+        """
+        lengths = LENGTHS[choice[0]], LENGTHS[choice[1]]
+        on_map, off_map = (
+            [trial.outcomes[lengths] for trial in trials if lengths in trial.outcomes]
+            for trials in (self._on_map, self._off_map)
+        )
+        claims = len(self._on_map) - sum(not each.converged for each in on_map)
+        if not _are_conceded(on_map, claims):
+            return True
+        return not (_are_conceded(off_map, len(self._off_map)) or self._resembles_itself)
 
     @cached_property
     def _resembles_itself(self) -> bool:
@@ -304,12 +307,11 @@ class _Kind:
         outcomes = self._outcomes(self.choice, True) + self._outcomes(self.choice, False)
         scores: list[tuple[float, float, float, float | None]] = []
         for lengths in sorted({lengths for trial in self._on_map for lengths in trial.outcomes}):
-            on_map, off_map = (
-                [trial.outcomes[lengths].score for trial in trials if lengths in trial.outcomes]
-                for trials in (self._on_map, self._off_map)
+            every, few, off_map = (
+                _mean_score(trials, lengths) for trials in (self._on_map, self._on_map[:_FEW], self._off_map)
             )
-            every = len(off_map) == len(self._off_map) > 0
-            scores.append((*lengths, float(np.mean(on_map)), float(np.mean(off_map)) if every else None))
+            if few is not None:
+                scores.append((*lengths, few if every is None else every, off_map))
         information, explanation = self.choice
         lengths = LENGTHS[information], LENGTHS[explanation]
         return Examination(*lengths, *ignorance, tuple(outcomes), tuple(scores))
@@ -338,6 +340,26 @@ def _is_distinct(differences: np.ndarray, errors: float) -> bool:
     """
     least = errors * differences.std() / math.sqrt(len(differences))
     return abs(differences.mean()) > max(least, _CONCEDED)
+
+
+def _mean_score(trials: Sequence[Trial], lengths: tuple[float, float]) -> float | None:
+    """Mean score with two lengths, m; ``None`` where not all trials were made with them."""
+    scores = [each.outcomes[lengths].score for each in trials if lengths in each.outcomes]
+    return float(np.mean(scores)) if 0 < len(scores) == len(trials) else None
+
+
+def _claimed_at_most(trial: Trial, choice: _Choice) -> float:
+    """Most that can be claimed and right in a trial, by how it was localized with these and shorter lengths.
+
+    With longer lengths a sweep converges later.
+    """
+    bound = 1.0
+    for lengths, was in trial.outcomes.items():
+        if lengths == (LENGTHS[choice[0]], LENGTHS[choice[1]]):
+            return was.claimed * was.right
+        if lengths[0] <= LENGTHS[choice[0]] and lengths[1] <= LENGTHS[choice[1]]:
+            bound = min(bound, was.since)
+    return bound
 
 
 def _are_conceded(outcomes: Sequence[Outcome], claims: int) -> bool:

@@ -56,6 +56,7 @@ class Outcome:
     score : mean logarithm of the probability given to the truth
     right, wrong : converged and right at its end, and never wrong; ever converged and wrong
     claimed : part of its measurement updates after which it had converged
+    since : part of them from the first of these on
     error : (d,) distance of the last estimate from the truth along each axis, m (yaw: rad)
     spread : (d,) its standard deviation along each axis without the registration error, m (yaw: rad)
     axes : (d,) score along each axis alone, over the second half of the way; empty if not on the map
@@ -70,6 +71,7 @@ class Outcome:
     right: bool
     wrong: bool
     claimed: float
+    since: float
     error: tuple[float, ...]
     spread: tuple[float, ...]
     axes: tuple[float, ...] = ()
@@ -150,7 +152,7 @@ class Trial:
         score: list[float] = []
         along: list[tuple[float, np.ndarray]] = []
         right = wrong = False
-        claims, last_known = 0, np.zeros(0)
+        claims, since, last_known = 0, 0, np.zeros(0)
         travel, away, variance = 0.0, np.zeros(scene.dimension), np.square(scene.extent)
         for count, (row, measurement) in enumerate(self.measurements, 1):
             belief = localizer.measure(measurement)
@@ -160,6 +162,7 @@ class Trial:
             near = self.on_map and float(np.square(away / radius).sum()) <= 1.0
             right, wrong = localizer.converged and near, wrong or (localizer.converged and not near)
             claims += localizer.converged
+            since += claims > 0
             truth = positions[row] - measurement.pending
             last_known = truth if right else last_known
             if count % _EACH == 0:
@@ -179,6 +182,7 @@ class Trial:
             bool(right and not wrong),
             bool(wrong),
             claims / max(len(self.measurements), 1),
+            since / max(len(self.measurements), 1),
             tuple(np.abs(away).tolist()),
             tuple(np.sqrt(np.maximum(variance, 0.0)).tolist()),
             tuple(axes.tolist()),

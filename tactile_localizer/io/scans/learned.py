@@ -47,7 +47,7 @@ _log = logging.getLogger(__name__)
 
 FILE = "calibration.json"
 _MOST_BYTES = 2**20
-ALGORITHM = 28
+ALGORITHM = 29
 """Number that changes with the algorithm of :func:`~.factory.learn`."""
 
 

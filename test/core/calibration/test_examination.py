@@ -131,7 +131,8 @@ def outcome(
     """Of a trial, with a score along ``y`` alone."""
     axes, none = (0.0, y) if trial.on_map else (), (0.0, 0.0)
     is_right = claimed > 0.0 and right and not wrong
-    return Outcome(trial.sweep.number, trial.on_map, score, is_right, wrong, claimed, none, none, axes)
+    since = claimed if is_right or not claimed else 1.0
+    return Outcome(trial.sweep.number, trial.on_map, score, is_right, wrong, claimed, since, none, none, axes)
 
 
 def test_sweeps_are_held_out_that_are_spread_over_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -213,6 +214,38 @@ def test_a_longer_explanation_length_is_chosen_if_fewer_sweeps_are_lost_with_it(
     monkeypatch.setattr(Trial, "_localized", localized)
     found = without_localizing(models)[1]
     assert (found.information_length, found.explanation_length) == (0.0017, chosen)
+
+
+def test_what_a_sweep_may_claim_with_longer_lengths_is_what_followed_its_first_claim(
+    monkeypatch: pytest.MonkeyPatch, models: list[SweepModel]
+) -> None:
+    """Not what it claimed: a sweep that was lost on its way and found again may be lost no more."""
+
+    def localized(trial: Trial, information: float, explanation: float) -> Outcome:
+        found = outcome(trial, -1.0 - information, claimed=(0.5 + (explanation > 0.002)) * trial.on_map / 1.6)
+        return replace(found, since=0.94 * trial.on_map)
+
+    monkeypatch.setattr(Trial, "_localized", localized)
+    found = without_localizing(models)[1]
+    assert (found.information_length, found.explanation_length) == (0.0017, 0.003)
+
+
+def test_lengths_are_given_up_once_sweeps_that_could_claim_more_do_not(
+    monkeypatch: pytest.MonkeyPatch, models: list[SweepModel]
+) -> None:
+    """The trials of the one sweep that is lost, with as many off the map between them, but no other."""
+    made = Counter[tuple[float, float, bool]]()
+
+    def localized(trial: Trial, information: float, explanation: float) -> Outcome:
+        lost = trial.on_map and trial.sweep.number == 3
+        made[information, explanation, lost] += 1
+        return outcome(trial, -1.0 - information, right=not lost, claimed=0.9 * trial.on_map)
+
+    monkeypatch.setattr(Trial, "_localized", localized)
+    found = without_localizing(models)[1]
+    assert (found.information_length, found.explanation_length) == (0.0017, 0.0017)
+    assert made[0.0017, 0.003, True] == 4
+    assert made[0.0017, 0.003, False] == 5  # between six on the map, of which three are the same
 
 
 def test_of_material_that_resembles_itself_claims_on_the_map_alone_decide(
@@ -375,6 +408,7 @@ def test_right_is_right_at_the_end_and_never_wrong(claims: list[tuple[bool, floa
     step = Measurement(np.zeros(2), np.array([0.001]), 0.001, np.zeros(1), *rest)
     trial.__dict__["measurements"] = [(row, step) for row in range(count)]
     found = trial.localize(0.005, 0.005)
+    assert found.since == pytest.approx(sum(np.cumsum([each for each, _ in claims]) > 0) / count)
     assert [found.right, found.wrong, found.lost] == [name == each for each in ("right", "wrong", "lost")]
     assert found.converged == (name != "never")
     assert found.error == pytest.approx((claims[-1][1],))

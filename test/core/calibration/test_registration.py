@@ -19,7 +19,7 @@ PRIOR, ERRORS = 0.0015, 5.0
 
 def outcome(error: tuple[float, float], spread: tuple[float, float]) -> Outcome:
     """A sweep on the map, in m and rad."""
-    return Outcome(0, True, 0.0, True, False, 1.0, error, spread)
+    return Outcome(0, True, 0.0, True, False, 1.0, 1.0, error, spread)
 
 
 def cloth(shift: float, repeats: int) -> Scan:

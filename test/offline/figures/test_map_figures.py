@@ -87,7 +87,7 @@ def test_a_single_sweep_can_be_drawn(scan, tmp_path):
 
 def test_held_out_sweeps_are_counted_from_one_as_in_the_findings():
     outcomes = tuple(
-        Outcome(sweep, True, -1.0, True, False, 1.0, (0.001,) * 2, (0.001,) * 2) for sweep in (0, 2)
+        Outcome(sweep, True, -1.0, True, False, 1.0, 1.0, (0.001,) * 2, (0.001,) * 2) for sweep in (0, 2)
     )
     (plot, _) = held_out_figure(Examination(outcomes=outcomes), SCENE, (4.0, 3.0)).axes
     assert plot.collections[0].get_offsets()[:, 0].tolist() == [1.0, 3.0]
