@@ -23,6 +23,7 @@ COLUMNS = {
     "false_sweeps": ("false sweeps", ".3f"),
     "false_strains": ("strains", ".4f"),
     "again": ("again", ".2f"),
+    "set_down": ("set down", ".2f"),
     "false_before": ("before", "d"),
     "false_blank": ("blank", "d"),
     "false_none": ("none", "d"),
@@ -89,10 +90,10 @@ def falsely_converged(sweeps: Sequence[ReplayedSweep], radius: float) -> Row:
     }
 
 
-def again(sweeps: Sequence[ReplayedSweep], radius: float) -> Row:
-    """Share of sweeps in which the hand is placed elsewhere that are converged and right at their end."""
+def right_at_their_end(sweeps: Sequence[ReplayedSweep], radius: float, name: str) -> Row:
+    """Share of sweeps that are converged and right at their end."""
     ends = [sweep.converged[-1] and position_error(sweep)[-1] <= radius for sweep in sweeps]
-    return {"again": float(np.mean(ends)) if ends else None}
+    return {name: float(np.mean(ends)) if ends else None}
 
 
 def summary(rows: Sequence[Row]) -> Row:

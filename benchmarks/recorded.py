@@ -27,6 +27,8 @@ A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``
 ``again``
     share of the sweeps that are converged and right at their end, where after three quarters of a sweep the
     hand is placed elsewhere, without a displacement, and goes on with the last three quarters of another
+``set_down``
+    the same where the hand is lifted and set down there, which its displacement tells
 ``false_before``, ``false_blank``
     how many sweeps converge before contact, and how many blank sweeps ever converge
 ``foreign_strains``, ``foreign_sweeps``
@@ -70,13 +72,13 @@ import numpy as np
 from measures import (
     COLUMNS,
     Row,
-    again,
     by_sweep,
     ever_converged,
     falsely_converged,
     on_feature,
     on_unscanned,
     read_us,
+    right_at_their_end,
     standard_errors,
     summary,
     update_times,
@@ -86,6 +88,7 @@ from rows import accuracy_parser, measured, print_rows
 from tactile_localizer.core.calibration.calibration import Calibration
 from tactile_localizer.core.configuration import Configuration
 from tactile_localizer.core.factory import build_localizer, learn
+from tactile_localizer.core.geometry.motion import MotionModel
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import Visits, whiten
 from tactile_localizer.core.localizer import Localizer
@@ -179,9 +182,10 @@ def with_texture(recording: Recording, std: np.ndarray) -> Recording:
     return with_added(recording, lambda sweep: np.cos(sweep.position @ vectors.T + phases) @ heights)
 
 
-def placed_elsewhere(recording: Recording, least: float) -> Recording:
-    """Sweeps in which the material is moved under the hand once, which the positions of the arm do not show.
+def placed_elsewhere(recording: Recording, motion: MotionModel, least: float, lifted: bool) -> Recording:
+    """Sweeps in which the hand is once placed elsewhere on the material.
 
+    Either it is ``lifted``, or the material is moved under it, which the positions of the arm do not show.
     Each consists of the first 75 % of one sweep and the last 75 % of another, which begins at least ``least``
     metres from where the first one ends. Pairs that are closer, or shorter than four samples, are left out.
     """
@@ -192,11 +196,12 @@ def placed_elsewhere(recording: Recording, least: float) -> Recording:
         assert before.truth is not None
         assert after.truth is not None
         truth, following = before.truth[until], after.truth[since]
-        if min(len(before), len(after)) < 4 or np.linalg.norm(following[0] - truth[-1]) < least:
+        away = motion.displacement(truth[-1], following[0])
+        if min(len(before), len(after)) < 4 or motion.travel(away) < least:
             continue
         stamps, position = before.stamp_ns[until], before.position[until]
         later = after.stamp_ns[since] + (2 * stamps[-1] - stamps[-2] - after.stamp_ns[since][0])
-        going_on = after.position[since] + (position[-1] - after.position[since][0])
+        going_on = after.position[since] + (position[-1] + lifted * away - after.position[since][0])
         found.append(
             RecordedSweep(
                 before.number,
@@ -301,7 +306,6 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
     radius = configuration.convergence_radius
     recording = moved(test, added, variant.texture)
     sweeps = replay(localizer, recording)
-    placed = replay(localizer, placed_elsewhere(recording, 2.0 * radius))
     memory = localizer.model.drift.memory
     row: Row = {
         "folder": folder.name,
@@ -314,7 +318,6 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
         "seed": seed,
         "sweeps": len(sweeps),
         **measures(sweeps),
-        **again(placed, radius),
         **update_times(sweeps, read_us(scan)),
         "learning_s": learning_s,
         "learned": {
@@ -324,8 +327,13 @@ def measure_folder(folder: Path, variant: Variant, configuration: Configuration,
             "memory": memory if np.isfinite(memory) else "constant",
         },
         "standard_errors": standard_errors(measures, sweeps),
-        "by_sweep": by_sweep(measures, sweeps) | by_sweep(partial(again, radius=radius), placed),
+        "by_sweep": by_sweep(measures, sweeps),
     }
+    for name, lifted in (("again", False), ("set_down", True)):
+        placed = replay(localizer, placed_elsewhere(recording, MotionModel(scene), 2.0 * radius, lifted))
+        ended = partial(right_at_their_end, radius=radius, name=name)
+        row |= ended(placed)
+        row["by_sweep"] |= by_sweep(ended, placed)
     if blank is not None:
         row["false_blank"] = ever_converged(replayed(blank, added, variant.texture))
     others = [replayed(path, 0.0 * added) for path in sorted(folder.glob("foreign_*.csv*"))]

@@ -251,7 +251,8 @@ class Localizer:
         prediction, explanations = self._move(measurement.displacement, travel)
         # An axis at a time: arrays with a short last axis take several times longer.
         places = np.concatenate([prediction.states.T, self._anchors.states.T], axis=1).T
-        sweep = self._sweep.whitened_by(self.model, measurement.excess)
+        sweep = self._sweep.set_down() if measurement.set_down else self._sweep
+        sweep = sweep.whitened_by(self.model, measurement.excess)
         evidence, self._sweep = sweep.evidence(
             measurement.strain, used, places, prediction.weights, update_travel, exponent
         )

@@ -34,6 +34,8 @@ class Measurement(NamedTuple):
     used : (F,) bool, phalanges that count
     excess : (C, C) V^2, covariance by which the noise of the strain exceeds that of the scan's
     outside : fraction of the recent strains that are outside the range of the scan
+    set_down : whether the hand was lifted since the last update and set down again: it came so far between
+        two strains as the force of a sweep stays the same
     """
 
     strain: np.ndarray
@@ -43,6 +45,7 @@ class Measurement(NamedTuple):
     used: np.ndarray
     excess: np.ndarray
     outside: float
+    set_down: bool = False
 
 
 class Measurements:
@@ -86,6 +89,7 @@ class Measurements:
         for part in (self._mean, self._noise, self._gauges, self._stamp_unit):
             part.reset()
         self._stamp_ns: int | None = None
+        self._set_down = False
         self._updated_ns = self._count = 0
         self.outside = 0.0
 
@@ -123,7 +127,11 @@ class Measurements:
         Returns the measurement of the strains since the last one, if one is due.
         """
         self._stamp_ns, channels = stamp_ns, self._layout.expand(present)
-        kept = self._noise.observe(strain, channels, self._mean.step(position))
+        step = self._mean.step(position)
+        if step > RECENT:
+            self._noise.begin()
+            self._set_down = True
+        kept = self._noise.observe(strain, channels, step)
         self._mean.add(position, kept, present)
         due = not self._count or (
             self._mean.travel >= (1.0 - _ROUNDING) * self.update_distance
@@ -150,4 +158,5 @@ class Measurements:
         if np.count_nonzero(working) < len(working):
             # Channels are whitened together: one that does not count is one that is all noise.
             excess = excess * np.outer(working, working) + np.diag(np.where(working, 0.0, self._silent))
-        return Measurement(mean, displacement, travel, self._mean.pending, used, excess, self.outside)
+        pending, set_down, self._set_down = self._mean.pending, self._set_down, False
+        return Measurement(mean, displacement, travel, pending, used, excess, self.outside, set_down)

@@ -86,6 +86,10 @@ class Sweep(NamedTuple):
         )
         return self._replace(trend=self.trend.followed(ancestry), gain=self.gain.followed(ancestry))
 
+    def set_down(self) -> Sweep:
+        """Of a hand that was lifted and set down again: its level is that of another contact."""
+        return self._replace(trend=self.model.drift.start(self.trend.of_map.shape[1]))
+
     def whitened_by(self, model: SweepMixture, excess: np.ndarray) -> Sweep:
         """With the ``model`` of the scan for strains that have more noise, by ``excess`` (C, C), V^2.
 

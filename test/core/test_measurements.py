@@ -145,3 +145,16 @@ def test_stamps_in_another_unit_are_refused_and_those_that_go_back_are_noticed()
 
     with pytest.raises(MeasurementError, match="expected ns"):
         travel_while_stamps_stand()
+
+
+@pytest.mark.parametrize(("step", "lifted"), [(0.9 * RECENT, False), (1.1 * RECENT, True)])
+def test_a_hand_that_came_far_between_two_strains_was_lifted_and_set_down(step: float, lifted: bool) -> None:
+    """What it felt before predicts nothing: its first strain is no spike, the next measurement says so."""
+    to = measurements()
+    x = np.arange(40) * DISTANCE
+    x[20:] += step
+    strains = 0.1 * NOISE[:40]
+    strains[20:] += 300.0 * WIDTH
+    found = [each for each in fed(to, x, strains) if each is not None]
+    assert [each.set_down for each in found] == [lifted and row == 20 for row in range(40)]
+    assert (found[20].strain[0] > 100.0 * WIDTH) == lifted

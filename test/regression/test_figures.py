@@ -30,13 +30,14 @@ COMMITTED = Path(__file__).with_name("figures.csv")
 ENGINE_BUMP = Path(__file__).parents[2] / "examples/recordings/engine_bump"
 FIGURES = (
     *("error_mm", "error_settled_mm", "coverage", "coverage_contact", "within_5_mm", "within_10_mm"),
-    *("converged", "again", "false_sweeps", "false_strains", "false_before", "false_blank"),
+    *("converged", "again", "set_down", "false_sweeps", "false_strains", "false_before", "false_blank"),
     *("foreign_strains", "foreign_sweeps"),
 )
 NOISY = 10.0
 """Noise of one channel in a row of its own, whose weight the sweep itself has to show."""
 FEW_FIGURES = (
-    *("error_mm", "within_10_mm", "converged", "again", "false_sweeps", "false_before", "false_blank"),
+    *("error_mm", "within_10_mm", "converged", "again", "set_down"),
+    *("false_sweeps", "false_before", "false_blank"),
 )
 IN_FULL = ("cloth", "engine_bump", f"engine_bump_channel_{NOISY:g}", "other_hand_smooth")
 """Recordings of which all figures are kept, where of the others only :data:`FEW_FIGURES` are."""

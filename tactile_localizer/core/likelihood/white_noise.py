@@ -101,10 +101,10 @@ class SweepNoise:
         self._spacing = self._of_scan.spacing[0]
         self._present, self._strains = b"", 0
         self._may_share, self._products = False, np.eye(len(self._variance))
-        self._begin()
+        self.begin()
 
-    def _begin(self) -> None:
-        """Nothing is known of the strains before the next one."""
+    def begin(self) -> None:
+        """Begin a contact: the strains before the next one say nothing of it."""
         self._kept: np.ndarray | None = None
         self._step: np.ndarray | None = None
         self._off = self._replaced = np.zeros(len(self._variance), dtype=bool)
@@ -118,7 +118,7 @@ class SweepNoise:
         """
         if self._present != present.tobytes():  # compared faster than arrays
             self._present = present.tobytes()
-            self._begin()
+            self.begin()
         self._strains += 1
         if self._kept is None:
             self._kept = strain
