@@ -27,9 +27,13 @@ def test_interrupts_after_the_first_are_ignored(
     process: Callable[..., Any], probe: Any, pause_s: float
 ) -> None:
     """Ctrl-C reaches a launched node twice, from the terminal and from launch: also within the handler."""
-    reports = probe.diagnostics()
-    node = process(node_command("adapter_node"))
-    probe.until(lambda: reports, "the active node")
+    reports, name = probe.diagnostics(), f"interrupted_{1e3 * pause_s:.0f}"
+    node = process(node_command("adapter_node", remaps={"__node": name}))
+
+    def is_active() -> bool:
+        return any(name in status.name for each in reports for status in each.status)
+
+    probe.until(is_active, "the active node")
     while node.running:
         os.kill(node.pid, SIGINT)
         time.sleep(pause_s)
