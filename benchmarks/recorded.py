@@ -28,7 +28,7 @@ A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``
     share of the sweeps that are converged and right at their end, where after three quarters of a sweep the
     hand is placed elsewhere, without a displacement, and goes on with the last three quarters of another
 ``set_down``
-    the same where the hand is lifted and set down there, which its displacement tells
+    the same where the hand is lifted and set down there, which the displacement shows
 ``false_before``, ``false_blank``
     how many sweeps converge before contact, and how many blank sweeps ever converge
 ``foreign_strains``, ``foreign_sweeps``

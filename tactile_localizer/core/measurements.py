@@ -34,8 +34,8 @@ class Measurement(NamedTuple):
     used : (F,) bool, phalanges that count
     excess : (C, C) V^2, covariance by which the noise of the strain exceeds that of the scan's
     outside : fraction of the recent strains that are outside the range of the scan
-    set_down : whether the hand was lifted since the last update and set down again: it came so far between
-        two strains as the force of a sweep stays the same
+    set_down : whether the hand was lifted since the last update and set down again, as after a gap of more
+        than :data:`~.gain.RECENT`
     """
 
     strain: np.ndarray
@@ -45,7 +45,7 @@ class Measurement(NamedTuple):
     used: np.ndarray
     excess: np.ndarray
     outside: float
-    set_down: bool = False
+    set_down: bool
 
 
 class Measurements:
@@ -128,10 +128,8 @@ class Measurements:
         """
         self._stamp_ns, channels = stamp_ns, self._layout.expand(present)
         step = self._mean.step(position)
-        if step > RECENT:
-            self._noise.begin()
-            self._set_down = True
         kept = self._noise.observe(strain, channels, step)
+        self._set_down |= self._noise.is_after_gap and step > RECENT
         self._mean.add(position, kept, present)
         due = not self._count or (
             self._mean.travel >= (1.0 - _ROUNDING) * self.update_distance

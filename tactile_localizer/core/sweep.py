@@ -15,6 +15,8 @@ from tactile_localizer.core.likelihood.scatter import Scatter
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.weights import bayes
 
+_ABSENT = 1e-9
+"""Weight of an absent phalanx for the trend."""
 _CHANGED = 0.2
 """Relative change of the noise of a channel from which strains are whitened anew."""
 
@@ -131,8 +133,11 @@ class Sweep(NamedTuple):
         """
         model, states = self.model, len(weights)
         nodes, map_strain = model.map_at(places)
+        of_trend: float | np.ndarray = exponent
+        if not used.all():  # an absent phalanx has a strain of zero, which is no level
+            of_trend = np.where(model.noise.layout.expand(used), exponent, _ABSENT * exponent)
         innovation, trend = model.innovation(
-            self.trend, strain, places, map_strain, weights, travel, exponent
+            self.trend, strain, places, map_strain, weights, travel, of_trend
         )
         gain = self.gain.predicted(travel, model.gain_variance)
         there, felt = Places(nodes, states, innovation.of_map, gain), model.felt(innovation, used)

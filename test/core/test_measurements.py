@@ -147,9 +147,12 @@ def test_stamps_in_another_unit_are_refused_and_those_that_go_back_are_noticed()
         travel_while_stamps_stand()
 
 
-@pytest.mark.parametrize(("step", "lifted"), [(0.9 * RECENT, False), (1.1 * RECENT, True)])
-def test_a_hand_that_came_far_between_two_strains_was_lifted_and_set_down(step: float, lifted: bool) -> None:
-    """What it felt before predicts nothing: its first strain is no spike, the next measurement says so."""
+@pytest.mark.parametrize(
+    ("step", "gap", "lifted"),
+    [(2.0 * DISTANCE, False, False), (0.9 * RECENT, True, False), (1.1 * RECENT, True, True)],
+)
+def test_after_a_gap_what_was_felt_before_predicts_nothing(step: float, gap: bool, lifted: bool) -> None:
+    """So the first strain after it is no spike, and after a long one the hand was lifted and set down."""
     to = measurements()
     x = np.arange(40) * DISTANCE
     x[20:] += step
@@ -157,4 +160,9 @@ def test_a_hand_that_came_far_between_two_strains_was_lifted_and_set_down(step: 
     strains[20:] += 300.0 * WIDTH
     found = [each for each in fed(to, x, strains) if each is not None]
     assert [each.set_down for each in found] == [lifted and row == 20 for row in range(40)]
-    assert (found[20].strain[0] > 100.0 * WIDTH) == lifted
+    assert (found[20].strain[0] > 100.0 * WIDTH) == gap
+
+
+def test_a_hand_that_slides_fast_over_a_slow_sensor_is_not_lifted() -> None:
+    found = [each for each in fed(measurements(), 1.5 * RECENT * np.arange(40)) if each is not None]
+    assert [row for row, each in enumerate(found) if each.set_down] == [1]

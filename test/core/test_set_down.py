@@ -1,4 +1,4 @@
-"""A hand that is lifted and set down elsewhere, where the arm says, has the level of another contact."""
+"""A hand that is lifted and set down elsewhere, where the arm shows, has the level of another contact."""
 
 import numpy as np
 import pytest
@@ -37,3 +37,15 @@ def test_the_position_stays_known_where_a_lifted_hand_is_set_down(localizer: Loc
             errors.append(np.linalg.norm(estimate.mean - place))
     assert min(on_map[len(LINE) :]) > 0.8
     assert max(errors[len(LINE) :]) < 0.002
+
+
+def test_a_phalanx_that_does_not_touch_has_no_level(localizer: Localizer) -> None:
+    localizer.reset()
+    strain = np.full(SHEET.layout.size, OFFSETS)
+    touches = np.array([True, False])
+    for number, x in enumerate(LINE):
+        localizer.update(10_000_000 * (1 + number), np.array([x, 0.04]), strain, touches)
+    known = np.asarray(localizer._sweep.trend.measurements)
+    here = SHEET.layout.expand(touches)
+    assert known[here].min() > 1.0
+    assert known[~here].max() < 1e-6

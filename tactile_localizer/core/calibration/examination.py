@@ -244,12 +244,14 @@ class _Kind:
         """Choose, by all trials, the lengths with which most is claimed and few claims are false.
 
         The search begins at the length next below that with the best score. With longer lengths fewer claims
-        are false, and a sweep converges later: no more is claimed than since it did with shorter ones. Where
-        none of a few sweeps is right at its end, both lengths are the same.
+        are false, and a sweep converges later, as a rule: no more is claimed than since it did with shorter
+        ones. Where none of a few sweeps is right at its end, the search begins at that length, and both
+        lengths are the same.
         """
         last, most = len(LENGTHS), -1.0
         is_any_right = any(each.right for each in self._outcomes(self.choice, True, _FEW))
-        for information in range(max(self.choice[0] - is_any_right, 0), last):
+        shortest = max(self.choice[0] - 1, 0) if is_any_right else self.choice[0]
+        for information in range(shortest, last):
             are_few = True
             for explanation in range(information, last if is_any_right else information + 1):
                 choice = information, explanation
@@ -268,7 +270,7 @@ class _Kind:
         Until one of these cannot be: first come the trials on the map that could claim most and those off it
         with most false claims at other lengths, in turn. Those on it last where nothing is claimed yet.
         """
-        on_map = sorted(self._on_map, key=lambda each: -_claimed_at_most(each, choice))
+        on_map = sorted(self._on_map, key=lambda each: -_most_claimed(each, choice))
         off_map = sorted(self._off_map, key=lambda each: -sum(was.wrong for was in each.outcomes.values()))
         in_turn = zip_longest(on_map, off_map) if most >= 0.0 else [(*off_map, *on_map)]
         for trial in filter(None, chain.from_iterable(in_turn)):
@@ -279,12 +281,13 @@ class _Kind:
 
     def _claimed_at_most(self, choice: _Choice) -> float:
         """Most that can be claimed and right on the map, by trials with these and with shorter lengths."""
-        return float(np.mean([_claimed_at_most(each, choice) for each in self._on_map]))
+        return float(np.mean([_most_claimed(each, choice) for each in self._on_map]))
 
     def _has_false_claims(self, choice: _Choice) -> bool:
         """Whether more claims are wrong than are conceded: of those on the map, or off it.
 
-        Off the map each claim is wrong; of material that resembles itself nothing is expected there.
+        Trials that were not made yet count as right. Off the map each claim is wrong; of material that
+        resembles itself nothing is expected there.
         """
         lengths = LENGTHS[choice[0]], LENGTHS[choice[1]]
         on_map, off_map = (
@@ -348,18 +351,17 @@ def _mean_score(trials: Sequence[Trial], lengths: tuple[float, float]) -> float 
     return float(np.mean(scores)) if 0 < len(scores) == len(trials) else None
 
 
-def _claimed_at_most(trial: Trial, choice: _Choice) -> float:
+def _most_claimed(trial: Trial, choice: _Choice) -> float:
     """Most that can be claimed and right in a trial, by how it was localized with these and shorter lengths.
 
-    With longer lengths a sweep converges later.
+    With longer lengths a sweep converges later, as a rule.
     """
-    bound = 1.0
-    for lengths, was in trial.outcomes.items():
-        if lengths == (LENGTHS[choice[0]], LENGTHS[choice[1]]):
-            return was.claimed * was.right
-        if lengths[0] <= LENGTHS[choice[0]] and lengths[1] <= LENGTHS[choice[1]]:
-            bound = min(bound, was.since)
-    return bound
+    lengths = LENGTHS[choice[0]], LENGTHS[choice[1]]
+    if found := trial.outcomes.get(lengths):
+        return found.claimed * found.right
+    tried = trial.outcomes.items()
+    shorter = [was.since for each, was in tried if each[0] <= lengths[0] and each[1] <= lengths[1]]
+    return min(shorter, default=1.0)
 
 
 def _are_conceded(outcomes: Sequence[Outcome], claims: int) -> bool:

@@ -91,7 +91,7 @@ class SweepMixture:
         map_strain: np.ndarray,
         weights: np.ndarray,
         travel: float,
-        exponent: float,
+        exponent: np.ndarray | float,
     ) -> tuple[Innovation, Trend]:
         """Innovation of a strain (C,), V, at places (N, d) where the map has ``map_strain`` (N, W), whitened.
 

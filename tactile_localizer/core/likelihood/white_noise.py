@@ -25,6 +25,8 @@ _SIGNIFICANT = 2.0
 """Standard errors by which the noise of a sweep has to exceed the scan's. By judgement."""
 _SPIKE = 10.0
 """Standard deviations of a second difference from which a strain is a spike. By judgement."""
+_GAP = 4.0
+"""Travel between two strains, in that between those before, from which it is a gap. By judgement."""
 _MOST = 20_000
 """Differences from which the noise of a scan is measured."""
 
@@ -44,9 +46,10 @@ class WhiteNoise(NamedTuple):
     def at(self, spacing: float) -> np.ndarray:
         """Variance (C,) at strains so far apart."""
         upper = min(max(int(self.spacing.searchsorted(spacing)), 1), len(self.spacing) - 1)
-        near, far = self.spacing[upper - 1 : upper + 1].tolist()
+        lower = max(upper - 1, 0)
+        near, far = float(self.spacing[lower]), float(self.spacing[upper])
         ratio = min(max((spacing - near) / max(far - near, 1e-12), 0.0), 1.0)
-        return np.asarray(self.variance[upper - 1] * (1.0 - ratio) + self.variance[upper] * ratio)
+        return np.asarray(self.variance[lower] * (1.0 - ratio) + self.variance[upper] * ratio)
 
 
 def white_noise(scan: Scan, scene: Scene) -> WhiteNoise:
@@ -88,6 +91,7 @@ class SweepNoise:
     Attributes
     ----------
     spikes : (C,) int, number of spikes of each channel in all sweeps
+    is_after_gap : whether the last strain came after a gap, as of a bus or of a hand that was lifted
     """
 
     def __init__(self, of_scan: WhiteNoise) -> None:
@@ -98,13 +102,14 @@ class SweepNoise:
     def reset(self) -> None:
         """Begin a sweep: its noise is that of the scan."""
         self._variance = self._of_scan.variance[0] + 1e-300
-        self._spacing = self._of_scan.spacing[0]
+        self._spacing = float(self._of_scan.spacing[0])
+        self._travel, self.is_after_gap = 0.0, False
         self._present, self._strains = b"", 0
         self._may_share, self._products = False, np.eye(len(self._variance))
-        self.begin()
+        self._begin()
 
-    def begin(self) -> None:
-        """Begin a contact: the strains before the next one say nothing of it."""
+    def _begin(self) -> None:
+        """The strains before the next one say nothing of it."""
         self._kept: np.ndarray | None = None
         self._step: np.ndarray | None = None
         self._off = self._replaced = np.zeros(len(self._variance), dtype=bool)
@@ -115,10 +120,13 @@ class SweepNoise:
 
         Returns the strain, in which spikes are replaced by what the two strains before them predict. A spike
         is a single value that is off by :data:`_SPIKE` standard deviations; the next one is taken as it is.
+        After a gap, and with other channels, the strains before predict nothing.
         """
-        if self._present != present.tobytes():  # compared faster than arrays
+        self.is_after_gap = travel > _GAP * max(self._spacing, self._travel)
+        self._travel = travel
+        if self.is_after_gap or self._present != present.tobytes():  # compared faster than arrays
             self._present = present.tobytes()
-            self.begin()
+            self._begin()
         self._strains += 1
         if self._kept is None:
             self._kept = strain

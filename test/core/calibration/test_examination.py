@@ -402,7 +402,7 @@ class ByHand:
 )
 def test_right_is_right_at_the_end_and_never_wrong(claims: list[tuple[bool, float]], name: str) -> None:
     claims = [claim for claim in claims for _ in range(4)]
-    count, rest = len(claims), (np.ones(1, dtype=bool), np.zeros(2), 0.0)
+    count, rest = len(claims), (np.ones(1, dtype=bool), np.zeros(2), 0.0, False)
     positions = 0.001 * np.arange(1.0, count + 1)[:, None]
     trial = Trial(HeldOut(3, 0, positions, np.zeros((count, 2))), True, ByHand(claims))  # type: ignore[arg-type]
     step = Measurement(np.zeros(2), np.array([0.001]), 0.001, np.zeros(1), *rest)

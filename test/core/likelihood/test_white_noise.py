@@ -127,6 +127,14 @@ def test_strains_of_a_single_pair_have_no_noise_to_measure() -> None:
     np.testing.assert_array_equal(one.at(PITCH), 0.0)
 
 
+def test_sweeps_of_four_strains_have_noise_at_one_spacing() -> None:
+    short = white_noise(
+        slides(SCENE, PITCH * np.arange(4.0), [felt(PITCH, seed)[:4] for seed in range(9)]), SCENE
+    )
+    assert len(short.spacing) == 1
+    np.testing.assert_array_equal(short.at(0.5 * PITCH), short.variance[0])
+
+
 def cleaned(strain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A sweep (n, 3) without spikes, and their number in each channel."""
     sweep = SweepNoise(SCAN)
