@@ -122,7 +122,8 @@ class SweepNoise:
         is a single value that is off by :data:`_SPIKE` standard deviations; the next one is taken as it is.
         After a gap, and with other channels, the strains before predict nothing.
         """
-        self.is_after_gap = travel > _GAP * max(self._spacing, self._travel)
+        # Before the second travel that of the sweep is not known: it may be faster than the scan.
+        self.is_after_gap = self._strains > 1 and travel > _GAP * max(self._spacing, self._travel)
         self._travel = travel
         if self.is_after_gap or self._present != present.tobytes():  # compared faster than arrays
             self._present = present.tobytes()
