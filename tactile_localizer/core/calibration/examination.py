@@ -43,7 +43,9 @@ from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
 
 LENGTHS = (0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
-"""Lengths to choose from, m; the search begins in the middle."""
+"""Lengths to choose from, m."""
+_FIRST = 1
+"""Number of the length at which the search begins: that of most sheets, so that few others are tried."""
 _LONGEST = len(LENGTHS) - 1, len(LENGTHS) - 1
 UNEXAMINED = LENGTHS[len(LENGTHS) // 2]
 """Both lengths where no sweep can be held out, m."""
@@ -203,7 +205,7 @@ class _Kind:
         self.scene, self._report = model.scan.tracks.scene, report
         self._on_map = list(trials_on_map(_TRIALS, model, build, sweeps))
         self._make_off_map = partial(trials_off_map, _TRIALS, model, build, sweeps)
-        self.choice: _Choice = LENGTHS.index(UNEXAMINED), LENGTHS.index(UNEXAMINED)
+        self.choice: _Choice = _FIRST, _FIRST
 
     @cached_property
     def _off_map(self) -> list[Trial]:

@@ -291,15 +291,15 @@ def test_only_where_a_kind_and_lengths_may_be_the_best_all_is_tried(
     assert made == {
         (Material.CLOTH, UNEXAMINED, UNEXAMINED, True): few,
         (Material.SHEET, UNEXAMINED, UNEXAMINED, True): few,
-        (Material.SHEET, longer, longer, True): few,
+        **{(Material.SHEET, each, each, True): few for each in (0.0017, 0.003, longer)},
         (Material.SHEET, shorter, shorter, True): distinct,
         (Material.SHEET, shorter, shorter, False): every,
     }
     assert len(examination.on_map) == len(examination.off_map) == every
     assert [each[:2] for each in examination.scores] == [
-        (each, each) for each in (shorter, UNEXAMINED, longer)
+        (each, each) for each in (0.0017, 0.003, shorter, UNEXAMINED, longer)
     ]
-    assert [each[3] is None for each in examination.scores] == [False, True, True]
+    assert [each[3] is None for each in examination.scores] == [True, True, False, True, True]
 
 
 @pytest.mark.parametrize(
