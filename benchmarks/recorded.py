@@ -28,7 +28,7 @@ A row is a folder, and under ``--passes``, ``--lines``, ``--odometry-noise``, ``
     share of the sweeps that are converged and right at their end, where after three quarters of a sweep the
     hand is placed elsewhere, without a displacement, and goes on with the last three quarters of another
 ``set_down``
-    the same where the hand is lifted and set down there, which the displacement shows
+    the same with the displacement, as of a hand that is lifted and set down there
 ``false_before``, ``false_blank``
     how many sweeps converge before contact, and how many blank sweeps ever converge
 ``foreign_strains``, ``foreign_sweeps``
@@ -185,7 +185,7 @@ def with_texture(recording: Recording, std: np.ndarray) -> Recording:
 def placed_elsewhere(recording: Recording, motion: MotionModel, least: float, lifted: bool) -> Recording:
     """Sweeps in which the hand is once placed elsewhere on the material.
 
-    Either it is ``lifted``, or the material is moved under it, which the positions of the arm do not show.
+    Either it is ``lifted``, or the material is moved under it, which the pose does not report.
     Each consists of the first 75 % of one sweep and the last 75 % of another, which begins at least ``least``
     metres from where the first one ends. Pairs that are closer, or shorter than four samples, are left out.
     """

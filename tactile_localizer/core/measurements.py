@@ -34,8 +34,8 @@ class Measurement(NamedTuple):
     used : (F,) bool, phalanges that count
     excess : (C, C) V^2, covariance by which the noise of the strain exceeds that of the scan's
     outside : fraction of the recent strains that are outside the range of the scan
-    set_down : whether the hand was lifted since the last update and set down again, as after a gap of more
-        than :data:`~.gain.RECENT`
+    set_down : whether the hand was lifted and set down again since the last update: there was a gap of more
+        than :data:`~.gain.RECENT` between two strains
     """
 
     strain: np.ndarray

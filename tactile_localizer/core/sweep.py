@@ -15,8 +15,6 @@ from tactile_localizer.core.likelihood.scatter import Scatter
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.weights import bayes
 
-_ABSENT = 1e-9
-"""Weight of an absent phalanx for the trend."""
 _CHANGED = 0.2
 """Relative change of the noise of a channel from which strains are whitened anew."""
 
@@ -89,7 +87,7 @@ class Sweep(NamedTuple):
         return self._replace(trend=self.trend.followed(ancestry), gain=self.gain.followed(ancestry))
 
     def set_down(self) -> Sweep:
-        """Of a hand that was lifted and set down again: its level is that of another contact."""
+        """The sweep after the hand was lifted and set down again, which makes another level."""
         return self._replace(trend=self.model.drift.start(self.trend.of_map.shape[1]))
 
     def whitened_by(self, model: SweepMixture, excess: np.ndarray) -> Sweep:
@@ -133,11 +131,9 @@ class Sweep(NamedTuple):
         """
         model, states = self.model, len(weights)
         nodes, map_strain = model.map_at(places)
-        of_trend: float | np.ndarray = exponent
-        if not used.all():  # an absent phalanx has a strain of zero, which is no level
-            of_trend = np.where(model.noise.layout.expand(used), exponent, _ABSENT * exponent)
+        measured = None if used.all() else model.noise.layout.expand(used)
         innovation, trend = model.innovation(
-            self.trend, strain, places, map_strain, weights, travel, of_trend
+            self.trend, strain, places, map_strain, weights, travel, exponent, measured
         )
         gain = self.gain.predicted(travel, model.gain_variance)
         there, felt = Places(nodes, states, innovation.of_map, gain), model.felt(innovation, used)

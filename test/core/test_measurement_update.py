@@ -222,7 +222,9 @@ def test_all_parts_of_an_update_have_its_exponent_and_travel() -> None:
     of = localizer()
     move(of, 2)
     exponent = STEP / LENGTH
-    assert of.model.given("innovation")[-2:] == pytest.approx((STEP, exponent))
+    *_, travel, trend_exponent, measured = of.model.given("innovation")
+    assert (travel, trend_exponent) == pytest.approx((STEP, exponent))
+    assert measured is None
     assert of.model.given("other")[-2:] == pytest.approx((STEP, exponent))
     np.testing.assert_allclose(of.filter.likelihoods[-1], STEP / POSITION_LENGTH * ON_MAP)
     assert of.filter.predicted[-1][1] == pytest.approx(STEP)

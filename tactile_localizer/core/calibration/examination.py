@@ -45,7 +45,7 @@ from tactile_localizer.scene import Scene
 LENGTHS = (0.0017, 0.003, 0.005, 0.0085, 0.015, 0.025, 0.05)
 """Lengths to choose from, m."""
 _FIRST = 1
-"""Number of the length at which the search begins: that of most sheets, so that few others are tried."""
+"""Index of the length at which the search begins: it ends near there on most scans, after few trials."""
 _LONGEST = len(LENGTHS) - 1, len(LENGTHS) - 1
 UNEXAMINED = LENGTHS[len(LENGTHS) // 2]
 """Both lengths where no sweep can be held out, m."""

@@ -40,6 +40,10 @@ class Trend(NamedTuple):
         """The trend along the trajectories that continue these."""
         return self._replace(of_map=ancestry.followed(self.of_map))
 
+    def updated_where(self, measured: np.ndarray, after: Trend) -> Trend:
+        """The trend ``after`` an update for the channels ``measured`` (C,) bool, this one for the others."""
+        return Trend(*(np.where(measured, new, old) for new, old in zip(after, self, strict=True)))
+
 
 class Innovation(NamedTuple):
     """What of a strain, and of the map at N places, their trends do not predict.
@@ -91,12 +95,19 @@ class Drift:
         map_strain: np.ndarray,
         travel: float,
         exponent: np.ndarray | float,
+        measured: np.ndarray | None = None,
     ) -> tuple[Innovation, Trend]:
         """Innovation of a ``whitened`` strain (C,), where that of the map is ``map_strain`` (N, C) float32.
 
         ``travel`` is that since the last update, m; ``exponent``, (C,) or of all channels, the fraction of
-        an independent measurement that the strain is.
+        an independent measurement that the strain is; ``measured``, (C,) bool, the channels of which there is
+        a strain: ``None``, all. The trend of the others stays.
         """
+        if measured is not None:
+            predicted = trend.level + min(travel, self.memory) * trend.rate
+            strain = np.where(measured, whitened, predicted)
+            innovation, after = self.update(trend, strain, map_strain, travel, exponent)
+            return innovation, trend.updated_where(measured, after)
         if compiled.MODULE is not None:
             return self._compiled(trend, whitened, map_strain, travel, exponent)
         known = trend.measurements + self.prior

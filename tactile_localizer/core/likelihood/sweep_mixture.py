@@ -91,7 +91,8 @@ class SweepMixture:
         map_strain: np.ndarray,
         weights: np.ndarray,
         travel: float,
-        exponent: np.ndarray | float,
+        exponent: float,
+        measured: np.ndarray | None = None,
     ) -> tuple[Innovation, Trend]:
         """Innovation of a strain (C,), V, at places (N, d) where the map has ``map_strain`` (N, W), whitened.
 
@@ -104,12 +105,14 @@ class SweepMixture:
         """
         whitened, turning = self.whitened(strain), self.map.turning
         if not self._turns:
-            return self.drift.update(trend, whitened, map_strain, travel, exponent)
+            return self.drift.update(trend, whitened, map_strain, travel, exponent, measured)
         states = places[: len(weights)]
         mean = weights @ states
         noise = (weights @ (states - mean) ** 2) @ turning**2
         known = exponent / (1.0 + noise / self.drift.variance)
-        innovation, trend = self.drift.update(trend, whitened - mean @ turning, map_strain, travel, known)
+        innovation, trend = self.drift.update(
+            trend, whitened - mean @ turning, map_strain, travel, known, measured
+        )
         turned = ((places - mean) @ turning).astype(np.float32)
         of_map = innovation.of_map + turned
         return innovation._replace(of_map=of_map, turned=mean @ turning), trend

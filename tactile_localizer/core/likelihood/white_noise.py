@@ -26,7 +26,7 @@ _SIGNIFICANT = 2.0
 _SPIKE = 10.0
 """Standard deviations of a second difference from which a strain is a spike. By judgement."""
 _GAP = 4.0
-"""Travel between two strains, in that between those before, from which it is a gap. By judgement."""
+"""Ratio of the travel between two strains to the usual one from which it is a gap. By judgement."""
 _MOST = 20_000
 """Differences from which the noise of a scan is measured."""
 
@@ -109,7 +109,7 @@ class SweepNoise:
         self._begin()
 
     def _begin(self) -> None:
-        """The strains before the next one say nothing of it."""
+        """Forget the strains before the next one: they do not predict it."""
         self._kept: np.ndarray | None = None
         self._step: np.ndarray | None = None
         self._off = self._replaced = np.zeros(len(self._variance), dtype=bool)
@@ -122,7 +122,7 @@ class SweepNoise:
         is a single value that is off by :data:`_SPIKE` standard deviations; the next one is taken as it is.
         After a gap, and with other channels, the strains before predict nothing.
         """
-        # Before the second travel that of the sweep is not known: it may be faster than the scan.
+        # Until there are two steps the usual one is not known: a sweep may be faster than the scan.
         self.is_after_gap = self._strains > 1 and travel > _GAP * max(self._spacing, self._travel)
         self._travel = travel
         if self.is_after_gap or self._present != present.tobytes():  # compared faster than arrays

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from support.models import KalmanFilter, LinearModel
 
 from tactile_localizer.core.likelihood.ancestry import Ancestry
-from tactile_localizer.core.likelihood.drift import Drift, innovations
+from tactile_localizer.core.likelihood.drift import Drift, Trend, innovations
 
 STEP, UNKNOWN = 0.0005, np.full(2, np.inf)
 NOWHERE = np.zeros((0, 2), dtype=np.float32)
@@ -88,3 +88,22 @@ def test_values_that_hardly_change_have_finite_innovations(offset: float) -> Non
     assert np.isfinite(found).all()
     np.testing.assert_allclose(found[1:20], 0.0, atol=1e-8 * offset)
     assert found[20, 1] == pytest.approx(3.0, abs=1e-2)
+
+
+@pytest.mark.parametrize("memory", MEMORIES)
+def test_a_channel_that_is_not_measured_keeps_its_trend_and_does_not_change_that_of_others(
+    memory: float,
+) -> None:
+    """A strain of zero stands for it, far from its level, which would be an outlier of all channels."""
+    both, alone = (Drift(memory, 1.0, np.full(n, 100.0), 1e3) for n in (2, 1))
+    rng, measured = np.random.default_rng(0), np.array([True, False])
+    known = Trend(np.array([0.0, 7.0]), np.array([0.0, 500.0]), np.zeros(2), np.zeros((2, 3, 2), np.float32))
+    trend, of_one = known, alone.start(3)
+    for _ in range(20):
+        strain, of_map = rng.standard_normal(2) * measured, rng.standard_normal((3, 2)).astype(np.float32)
+        found, trend = both.update(trend, strain, of_map, STEP, 0.3, measured)
+        expected, of_one = alone.update(of_one, strain[:1], of_map[:, :1].copy(), STEP, 0.3)
+        np.testing.assert_allclose(found.of_strain[:1], expected.of_strain, rtol=1e-9)
+        np.testing.assert_allclose(found.of_map[:, :1], expected.of_map, rtol=1e-5)
+    for now, before in zip(trend, known, strict=True):
+        np.testing.assert_array_equal(np.asarray(now)[..., 1], np.asarray(before)[..., 1])

@@ -80,16 +80,21 @@ def line_scan(rng: np.random.Generator, of: Scene, noise: float = 0.02) -> Scan:
     return raster(of, strain)
 
 
-def bump_scan(of: Scene, offsets: float = 0.0, seed: int = 0) -> Scan:
-    """Parallel sweeps over a bump of 8 mm in the middle of featureless material, with noise of 1 V.
+def bump_strain(states: np.ndarray, channels: int) -> np.ndarray:
+    """Strain without noise at states (N, 2) of a bump of 8 mm, 30 V high, at 25 mm of both axes: (N, C)."""
+    bump = 30.0 * np.exp(-0.5 * np.sum(((states - 0.025) / 0.004) ** 2, axis=1))[:, None]
+    return np.asarray(bump * np.linspace(-1.0, 1.0, channels))
 
-    The bump is 30 V high, ``offsets`` is the standard deviation of those of the sweeps, V.
+
+def bump_scan(of: Scene, offsets: float = 0.0, seed: int = 0) -> Scan:
+    """Parallel sweeps over :func:`bump_strain`, with noise of 1 V.
+
+    ``offsets`` is the standard deviation of those of the sweeps, V.
     """
     rng, size = np.random.default_rng(seed), of.layout.size
 
     def strain(states: np.ndarray, sweep: np.ndarray) -> np.ndarray:
-        bump = 30.0 * np.exp(-0.5 * np.sum(((states - 0.025) / 0.004) ** 2, axis=1))[:, None]
-        felt = bump * np.linspace(-1.0, 1.0, size) + rng.standard_normal((len(states), size))
+        felt = bump_strain(states, size) + rng.standard_normal((len(states), size))
         return felt + offsets * rng.standard_normal((sweep.max() + 1, size))[sweep]
 
     return raster(of, strain)
