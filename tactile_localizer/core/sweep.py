@@ -131,7 +131,7 @@ class Sweep(NamedTuple):
         """
         model, states = self.model, len(weights)
         nodes, map_strain = model.map_at(places)
-        measured = None if used.all() else model.noise.layout.expand(used)
+        measured = None if np.count_nonzero(used) == len(used) else model.noise.layout.expand(used)
         innovation, trend = model.innovation(
             self.trend, strain, places, map_strain, weights, travel, exponent, measured
         )
