@@ -64,39 +64,73 @@ static PyObject *map_at(PyObject *self, PyObject *args)
     Py_RETURN_NONE;
 }
 
-/* follow(K, values f (K, N, C), ancestors n (M,), taken_in d (M,), mean f (K, C); found f (K, M, C)) */
+/* Rows (M, C) of what is known along trajectories, of those (N, C) before, among them the first of P states. */
+static void follow_rows(const float *restrict before, Py_ssize_t channels, const intptr_t *ancestors,
+                        const double *taken_in, Py_ssize_t after, const double *weights, Py_ssize_t states,
+                        float *restrict mean, float *restrict found)
+{
+    memset(mean, 0, (size_t)channels * sizeof(float));
+    for (Py_ssize_t n = 0; n < states; n++) {
+        const float weight = (float)weights[n];
+        for (Py_ssize_t c = 0; c < channels; c++) mean[c] += weight * before[n * channels + c];
+    }
+    for (Py_ssize_t m = 0; m < after; m++) {
+        const float *own = before + ancestors[m] * channels, share = (float)taken_in[m];
+        for (Py_ssize_t c = 0; c < channels; c++)
+            found[m * channels + c] = (1.0f - share) * own[c] + share * mean[c];
+    }
+}
+
+/* follow(K, values f (K, N, C), ancestors n (M,), taken_in d (M,), weights d (P,); found f (K, M, C)) */
 static PyObject *follow(PyObject *self, PyObject *args)
 {
-    enum { VALUES, ANCESTORS, TAKEN_IN, MEAN, FOUND, ALL };
+    enum { VALUES, ANCESTORS, TAKEN_IN, WEIGHTS, FOUND, ALL };
     Py_buffer a[ALL] = {{0}};
     Py_ssize_t kinds;
+    float *mean = NULL;
     (void)self;
-    if (!PyArg_ParseTuple(args, "ny*y*y*y*w*", &kinds, &a[VALUES], &a[ANCESTORS], &a[TAKEN_IN], &a[MEAN], &a[FOUND]))
+    if (!PyArg_ParseTuple(args, "ny*y*y*y*w*", &kinds, &a[VALUES], &a[ANCESTORS], &a[TAKEN_IN], &a[WEIGHTS],
+                          &a[FOUND]))
         return NULL;
-    const Py_ssize_t after = COUNT(a[ANCESTORS], intptr_t), channels = kinds > 0 ? COUNT(a[MEAN], float) / kinds : 0;
+    const Py_ssize_t after = COUNT(a[ANCESTORS], intptr_t), states = COUNT(a[WEIGHTS], double);
+    const Py_ssize_t channels = kinds * after > 0 ? COUNT(a[FOUND], float) / (kinds * after) : 0;
     const Py_ssize_t before = kinds * channels > 0 ? COUNT(a[VALUES], float) / (kinds * channels) : 0;
     const intptr_t *ancestors = a[ANCESTORS].buf;
-    const double *taken_in = a[TAKEN_IN].buf;
-    bool fits = HAS(VALUES, kinds * before * channels, float) && HAS(TAKEN_IN, after, double) &&
-                HAS(MEAN, kinds * channels, float) && HAS(FOUND, kinds * after * channels, float);
-    for (Py_ssize_t m = 0; fits && m < after; m++) {
+    if (!(HAS(TAKEN_IN, after, double) && HAS(FOUND, kinds * after * channels, float))) goto end;
+    for (Py_ssize_t m = 0; m < after; m++) {
         if (ancestors[m] >= 0 && ancestors[m] < before) continue;
         PyErr_Format(PyExc_ValueError, "ancestors: expected numbers below %zd, got %zd", before, ancestors[m]);
-        fits = false;
+        goto end;
     }
-    for (Py_ssize_t k = 0; fits && k < kinds; k++) {
-        const float *mean = (const float *)a[MEAN].buf + k * channels;
-        const float *values = (const float *)a[VALUES].buf + k * before * channels;
-        float *found = (float *)a[FOUND].buf + k * after * channels;
-        for (Py_ssize_t m = 0; m < after; m++) {
-            const float *own = values + ancestors[m] * channels, share = (float)taken_in[m];
-            float *of = found + m * channels;
-            for (Py_ssize_t c = 0; c < channels; c++) of[c] = (1.0f - share) * own[c] + share * mean[c];
+    mean = PyMem_Malloc((size_t)channels * sizeof(float));
+    if (!mean) {
+        PyErr_NoMemory();
+        goto end;
+    }
+    for (Py_ssize_t k = 0; after && k < kinds; k++)
+        follow_rows((const float *)a[VALUES].buf + k * before * channels, channels, ancestors, a[TAKEN_IN].buf, after,
+                    a[WEIGHTS].buf, states < before ? states : before, mean,
+                    (float *)a[FOUND].buf + k * after * channels);
+end:
+    PyMem_Free(mean);
+    release(a, ALL);
+    if (PyErr_Occurred()) return NULL;
+    Py_RETURN_NONE;
+}
+
+/* What of the map at places (N, C) its trend does not predict, and level and rate after it. */
+static void drift_rows(Py_ssize_t size, Py_ssize_t channels, float step, float turn, const float *restrict gain,
+                       const float *restrict strain, const float *restrict level, const float *restrict rate,
+                       float *restrict left, float *restrict next_level, float *restrict next_rate)
+{
+    for (Py_ssize_t row = 0; row < size; row += channels) {
+        for (Py_ssize_t c = 0; c < channels; c++) {
+            const float predicted = step * rate[row + c] + level[row + c], new = strain[row + c] - predicted;
+            left[row + c] = new;
+            next_level[row + c] = new * gain[c] + predicted;
+            next_rate[row + c] = new * turn + rate[row + c];
         }
     }
-    release(a, ALL);
-    if (!fits) return NULL;
-    Py_RETURN_NONE;
 }
 
 static const double LARGEST_GAIN = 1.0 - 1e-9; /* as in core/likelihood/drift.py */
@@ -156,18 +190,10 @@ static PyObject *drift(PyObject *self, PyObject *args)
         next_rate[c] = rate[c] + rate_gain * strain_left[c];
         level_variance[c] = variance * share / (1.0 - share) / exponent[c];
     }
-    const float *map_strain = a[MAP_STRAIN].buf, *map_level = a[OF_MAP].buf, *map_rate = map_level + size;
-    float *left = a[LEFT].buf, *following_level = a[FOLLOWING].buf, *following_rate = following_level + size;
-    const float step = (float)travel, turn = (float)rate_gain;
-    for (Py_ssize_t row = 0; row < size; row += channels) {
-        for (Py_ssize_t c = 0; c < channels; c++) {
-            const Py_ssize_t at = row + c;
-            const float predicted = step * map_rate[at] + map_level[at], new = map_strain[at] - predicted;
-            left[at] = new;
-            following_level[at] = new * gain[c] + predicted;
-            following_rate[at] = new * turn + map_rate[at];
-        }
-    }
+    const float *level_of_map = a[OF_MAP].buf;
+    float *following = a[FOLLOWING].buf;
+    drift_rows(size, channels, (float)travel, (float)rate_gain, gain, a[MAP_STRAIN].buf, level_of_map,
+               level_of_map + size, a[LEFT].buf, following, following + size);
 end:
     PyMem_Free(gain);
     release(a, ALL);
@@ -362,11 +388,14 @@ end:
     Py_RETURN_NONE;
 }
 
-/* Adds the product of a vector (count,) with itself to rows that are so far apart. */
-static void add_square(const float *restrict vector, Py_ssize_t count, float *restrict sums, Py_ssize_t apart)
+/* Adds the product of a vector (count,) with itself, times a weight, to rows that are so far apart. */
+static void add_square(const float *restrict vector, float weight, Py_ssize_t count, float *restrict sums,
+                       Py_ssize_t apart)
 {
-    for (Py_ssize_t row = 0; row < count; row++)
-        for (Py_ssize_t c = 0; c < count; c++) sums[row * apart + c] += vector[row] * vector[c];
+    for (Py_ssize_t row = 0; row < count; row++) {
+        const float factor = weight * vector[row];
+        for (Py_ssize_t c = 0; c < count; c++) sums[row * apart + c] += factor * vector[c];
+    }
 }
 
 /* scatter(spread f (F + 1, M): first components; nodes n (N,), of_map f (N, C) whitened as the strain, mean f (F, N):
@@ -378,10 +407,10 @@ static PyObject *scatter(PyObject *self, PyObject *args)
 {
     enum { SPREAD, NODES, OF_MAP, MEAN, BOUNDS, STRAIN, LEVEL, WEIGHTS, MOMENTS, ALL };
     Py_buffer a[ALL] = {{0}};
-    double least, largest;
-    float *memory = NULL;
+    double least;
+    float largest, *memory = NULL;
     (void)self;
-    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*ddw*", &a[SPREAD], &a[NODES], &a[OF_MAP], &a[MEAN], &a[BOUNDS],
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*dfw*", &a[SPREAD], &a[NODES], &a[OF_MAP], &a[MEAN], &a[BOUNDS],
                           &a[STRAIN], &a[LEVEL], &a[WEIGHTS], &least, &largest, &a[MOMENTS]))
         return NULL;
     const Py_ssize_t phalanges = COUNT(a[LEVEL], float), channels = COUNT(a[STRAIN], float);
@@ -406,16 +435,15 @@ static PyObject *scatter(PyObject *self, PyObject *args)
         for (Py_ssize_t f = 0; f < phalanges; f++) {
             const float variance = spread[f * nodes + node_of[n]] + level[f], gain = mean[f * places + n];
             const intptr_t begin = bounds[f], end = bounds[f + 1];
-            double squared = 0.0;
+            float squared = 0.0f;
             for (intptr_t c = begin; c < end; c++) {
                 residual[c] = strain[c] - gain * of_map[c];
-                squared += (double)residual[c] * residual[c];
+                squared += residual[c] * residual[c];
             }
-            squared /= (double)variance * (double)(end - begin);
-            const double bound = squared > largest ? largest / squared : 1.0;
-            const float width = (float)sqrt(weights[n] / (double)variance * bound);
-            for (intptr_t c = begin; c < end; c++) residual[c] *= width;
-            add_square(residual + begin, end - begin, sums + begin * (channels + 1), channels);
+            squared /= variance * (float)(end - begin);
+            const float bound = squared > largest ? largest / squared : 1.0f;
+            add_square(residual + begin, (float)weights[n] / variance * bound, end - begin,
+                       sums + begin * (channels + 1), channels);
         }
     }
     for (Py_ssize_t k = 0; k < channels * channels; k++) moments[k] = (double)sums[k];
@@ -492,6 +520,32 @@ end:
     return PyErr_Occurred() ? NULL : PyFloat_FromDouble(likelihood);
 }
 
+/* bayes(prior d (P,), log_likelihood d (P,); posterior d (P,)): log-marginal; -inf: impossible, without a posterior */
+static PyObject *bayes(PyObject *self, PyObject *args)
+{
+    enum { PRIOR, LIKELIHOOD, POSTERIOR, ALL };
+    Py_buffer a[ALL] = {{0}};
+    double peak = -INFINITY, total = 0.0;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*w*", &a[PRIOR], &a[LIKELIHOOD], &a[POSTERIOR])) return NULL;
+    const Py_ssize_t states = COUNT(a[PRIOR], double);
+    const double *prior = a[PRIOR].buf, *log_likelihood = a[LIKELIHOOD].buf;
+    double *posterior = a[POSTERIOR].buf;
+    const bool fits = HAS(LIKELIHOOD, states, double) && HAS(POSTERIOR, states, double);
+    for (Py_ssize_t n = 0; fits && n < states; n++)
+        if (prior[n] > 0.0 && !(log_likelihood[n] <= peak)) peak = log_likelihood[n];
+    if (fits && peak != -INFINITY) {
+        for (Py_ssize_t n = 0; n < states; n++) {
+            posterior[n] = prior[n] > 0.0 ? prior[n] * exp(log_likelihood[n] - peak) : 0.0;
+            total += posterior[n];
+        }
+        for (Py_ssize_t n = 0; n < states; n++) posterior[n] /= total;
+        peak += log(total);
+    }
+    release(a, ALL);
+    return fits ? PyFloat_FromDouble(peak) : NULL;
+}
+
 /* probability_within(away d (d, P), radius d (d,), sums d (3,), factors d (3, d), reach, weights d (P,)) */
 static PyObject *probability_within(PyObject *self, PyObject *args)
 {
@@ -531,6 +585,7 @@ static PyMethodDef METHODS[] = {
     {"on_map", on_map, METH_VARARGS, "Likelihoods of a strain at places of the map."},
     {"scatter", scatter, METH_VARARGS, "Second moments of the residuals of a strain from the map."},
     {"off_map", off_map, METH_VARARGS, "Log-likelihood of a strain on other material, and the weights after it."},
+    {"bayes", bayes, METH_VARARGS, "Weights after a measurement, and the logarithm of its likelihood."},
     {"probability_within", probability_within, METH_VARARGS, "Probability that the hand is within an ellipsoid."},
     {NULL, NULL, 0, NULL},
 };

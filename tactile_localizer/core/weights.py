@@ -4,7 +4,11 @@ import math
 
 import numpy as np
 
+from tactile_localizer.core import compiled
 from tactile_localizer.core.geometry.angles import wrap_angle
+
+_FEW = 500
+"""States from which numpy's exponential makes up for the calls."""
 
 
 def bayes(prior: np.ndarray, log_likelihood: np.ndarray) -> tuple[np.ndarray, float]:
@@ -20,13 +24,16 @@ def bayes(prior: np.ndarray, log_likelihood: np.ndarray) -> tuple[np.ndarray, fl
     posterior : (P,) with a sum of one; the prior if the measurement is impossible everywhere
     log_marginal : logarithm of the likelihood's mean over the prior
     """
-    peak = float(np.maximum.reduce(log_likelihood))
+    if compiled.MODULE is not None and len(prior) < _FEW:
+        posterior, likelihood = np.empty(len(prior)), np.ascontiguousarray(log_likelihood, dtype=np.float64)
+        log_marginal = compiled.MODULE.bayes(prior, likelihood, posterior)
+        return (prior if log_marginal == -math.inf else posterior), log_marginal
+    likelihood = np.where(prior > 0.0, log_likelihood, -math.inf)
+    peak = float(np.maximum.reduce(likelihood))
     if peak == -math.inf:
         return prior, peak
-    joint = prior * np.exp(log_likelihood - peak)
+    joint = prior * np.exp(likelihood - peak)
     total = float(np.add.reduce(joint))
-    if total == 0.0:  # whatever has weight is far less likely than what has none
-        return bayes(prior, np.where(prior > 0.0, log_likelihood, -math.inf))
     return joint / total, peak + math.log(total)
 
 

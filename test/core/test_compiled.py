@@ -17,6 +17,7 @@ from tactile_localizer.core.likelihood.gain import Gain
 from tactile_localizer.core.likelihood.on_map import Felt, MapLikelihood, Places
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.strain_map import StrainMap
+from tactile_localizer.core.weights import bayes
 
 SEEDS = st.integers(0, 2**32 - 1)
 LAYOUTS = st.sampled_from([ChannelLayout(counts) for counts in ((8, 8), (3, 5, 1), (1,), (40, 2), (8,) * 14)])
@@ -179,9 +180,11 @@ def test_trajectories_are_followed_as_by_numpy(seed: int, shape: tuple[int, int,
     weights = rng.dirichlet(np.ones(rng.integers(before) + 1))
     taken_in = np.where(rng.integers(0, 2, after), rng.random(after), rng.integers(0, 2, after))
     ancestry = Ancestry(rng.integers(0, before, after), taken_in, weights)
-    with pytest.MonkeyPatch.context() as patch:
-        for one, other in both(patch, lambda: ancestry.followed(values)):
-            np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6 * size)
+    for known in (values, values[..., 0].copy()):
+        with pytest.MonkeyPatch.context() as patch:
+            for one, other in both(patch, lambda known=known: ancestry.followed(known)):
+                assert one.shape == other.shape
+                np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6 * size)
 
 
 @pytest.mark.parametrize("ancestor", [-1, 3])
@@ -204,6 +207,20 @@ def test_other_material_is_as_likely_as_by_numpy(
         found = both(patch, lambda: material.update(weights, innovation, levels, used, 0.0005, 0.3))
         for one, other in found:
             np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+
+
+@given(seed=SEEDS, states=st.integers(1, 90), size=st.sampled_from([1.0, 1e3, 1e15]), none=st.integers(0, 3))
+def test_weights_are_those_of_numpy(seed: int, states: int, size: float, none: int) -> None:
+    """Also where a state has no weight, or a measurement is impossible, at some or at all of them."""
+    rng = np.random.default_rng(seed)
+    prior, likelihood = rng.dirichlet(np.ones(states)), size * rng.standard_normal(states)
+    if none & 1:
+        likelihood[rng.random(states) < rng.choice([0.5, 1.0])] = -np.inf
+    if none & 2 and states > 1:
+        prior[rng.integers(states)] = 0.0
+    with pytest.MonkeyPatch.context() as patch:
+        for one, other in both(patch, lambda: bayes(prior, likelihood)):
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-300)
 
 
 @given(seed=SEEDS, axes=st.integers(1, 3), spread=st.sampled_from([0.0, 1e-8, 1e-6, 1e-2]))

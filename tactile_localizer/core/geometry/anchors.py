@@ -29,33 +29,35 @@ class Anchors:
     states: np.ndarray
 
     def __init__(self, scene: Scene) -> None:
-        self._lower, self._extent, self._ends = scene.lower, scene.extent, ~scene.wraps
-        extent = self._extent * levers(scene)
+        # An axis at a time: arrays with a short last axis take several times longer.
+        self._lower, self._extent = scene.lower[:, None], scene.extent[:, None]
+        self._ends = ~scene.wraps[:, None]
+        extent = scene.extent * levers(scene)
         pitch = max((float(np.prod(extent)) / _COUNT) ** (1.0 / scene.dimension), _LEAST_PITCH)
         self._counts = np.clip(np.rint(extent / pitch), 1, _COUNT).astype(int)
-        self.pitch = self._extent / self._counts
+        self.pitch = scene.extent / self._counts
         index = np.indices(self._counts).reshape(scene.dimension, -1)
-        self._origin = ((index + 0.5) * self.pitch[:, None]).T
+        self._origin = (index + 0.5) * self.pitch[:, None]
         self.reset()
 
     def __len__(self) -> int:
-        return len(self._origin)
+        return self._origin.shape[1]
 
     def reset(self) -> None:
         """Return to where they began."""
-        self._shift = np.zeros(len(self._extent))
+        self._shift = np.zeros_like(self._extent)
         self._beyond = np.zeros(self._origin.shape, dtype=bool)
         self._none = np.zeros(len(self), dtype=bool)
-        self.states = self._lower + self._origin
+        self.states = (self._lower + self._origin).T
 
     def move(self, displacement: np.ndarray) -> np.ndarray:
         """Move by ``displacement`` (d,), m (yaw: rad); returns which anchors (R,) bool left at a bound."""
-        before, moved = self._beyond, self._shift + displacement
+        before, moved = self._beyond, self._shift + displacement[:, None]
         self._shift = np.mod(moved, self._extent)
         turns = np.rint((moved - self._shift) / self._extent)
-        moved = self._origin + self._shift
+        places = self._origin + self._shift
         # np.mod takes ten times as long.
-        self._beyond = moved >= self._extent
-        self.states = self._lower + (moved - self._beyond * self._extent)
+        self._beyond = places >= self._extent
+        self.states = (self._lower + (places - self._beyond * self._extent)).T
         left = (before != self._beyond + turns) & self._ends
-        return np.logical_or.reduce(left, axis=1) if np.count_nonzero(left) else self._none
+        return np.logical_or.reduce(left) if np.count_nonzero(left) else self._none

@@ -27,13 +27,14 @@ class Ancestry(NamedTuple):
     weights: np.ndarray
 
     def followed(self, values: np.ndarray) -> np.ndarray:
-        """What is known along the M trajectories, (K, M, C) float32, of ``values`` (K, N, C) float32."""
-        mean = self.weights.astype(np.float32) @ values[:, : len(self.weights)]
+        """What is known along the M trajectories, of ``values`` (K, N) or (K, N, C) float32 of N before."""
         if compiled.MODULE is not None:
-            found = np.empty((len(values), len(self.ancestors), values.shape[2]), dtype=np.float32)
-            compiled.MODULE.follow(len(values), values, self.ancestors, self.taken_in, mean, found)
+            found = np.empty((len(values), len(self.ancestors), *values.shape[2:]), dtype=np.float32)
+            compiled.MODULE.follow(len(values), values, *self, found)
             return found
-        found, share = values.take(self.ancestors, axis=1), self.taken_in.astype(np.float32)[:, None]
+        own = values[..., None] if values.ndim == 2 else values
+        mean = self.weights.astype(np.float32) @ own[:, : len(self.weights)]
+        found, share = own.take(self.ancestors, axis=1), self.taken_in.astype(np.float32)[:, None]
         found *= 1.0 - share
         found += share * mean[:, None]
-        return found
+        return found[..., 0] if values.ndim == 2 else found

@@ -35,13 +35,14 @@ class Gain(NamedTuple):
 
     def followed(self, ancestry: Ancestry) -> Gain:
         """The gain along the trajectories that continue these."""
-        mean, variance = (ancestry.followed(each[..., None])[..., 0] for each in self)
-        return Gain(mean, variance)
+        return Gain(ancestry.followed(self.mean), ancestry.followed(self.variance))
 
     def predicted(self, travel: float, prior: float) -> Gain:
         """The gain after ``travel`` metres, over which it returns to the ``prior`` variance about one."""
         kept = math.exp(-travel / RECENT)
-        mean, variance = 1.0 + kept * (self.mean - 1.0), prior + kept**2 * (self.variance - prior)
+        mean, variance = kept * self.mean, kept**2 * self.variance
+        mean += 1.0 - kept
+        variance += (1.0 - kept**2) * prior
         return Gain(mean, variance)
 
     def updated(self, information: np.ndarray, product: np.ndarray, exponent: float) -> Gain:
