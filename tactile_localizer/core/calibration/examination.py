@@ -269,13 +269,14 @@ class _Kind:
     def _passes(self, choice: _Choice, most: float) -> bool:
         """Whether more than ``most`` is claimed and right with two lengths, and few claims are false.
 
-        Until one of these cannot be: first come the trials on the map that could claim most and those off it
-        with most false claims at other lengths, in turn. Those on it last where nothing is claimed yet.
+        Until one of these cannot be. First come trials with most false claims at other lengths; then those
+        on the map that could claim most and those off it, in turn. Those on it last where nothing is claimed
+        yet.
         """
         on_map = sorted(self._on_map, key=lambda each: -_most_claimed(each, choice))
-        off_map = sorted(self._off_map, key=lambda each: -sum(was.wrong for was in each.outcomes.values()))
-        in_turn = zip_longest(on_map, off_map) if most >= 0.0 else [(*off_map, *on_map)]
-        for trial in filter(None, chain.from_iterable(in_turn)):
+        pairs = zip_longest(on_map, self._off_map) if most >= 0.0 else [(*self._off_map, *on_map)]
+        in_turn = filter(None, chain.from_iterable(pairs))
+        for trial in sorted(in_turn, key=lambda each: -sum(was.wrong for was in each.outcomes.values())):
             self._localized(choice, trial)
             if self._claimed_at_most(choice) <= most or self._has_false_claims(choice):
                 return False

@@ -200,6 +200,22 @@ def test_trials_with_claims_off_the_map_decide_of_other_lengths_soonest(
     assert tried[0.0017, 0.003] == tried[0.0017, 0.0017][-false:]
 
 
+def test_sweeps_that_are_wrong_decide_of_other_lengths_soonest(
+    monkeypatch: pytest.MonkeyPatch, models: list[SweepModel]
+) -> None:
+    tried: list[int] = []
+
+    def localized(trial: Trial, information: float, explanation: float) -> Outcome:
+        if (information, explanation) == (0.0017, 0.003):
+            tried.append(trial.sweep.number)
+        wrong = trial.on_map and trial.sweep.number == 3 and explanation < 0.004
+        return outcome(trial, -1.0 - information, wrong)
+
+    monkeypatch.setattr(Trial, "_localized", localized)
+    assert without_localizing(models)[1].explanation_length == 0.005
+    assert set(tried) == {3}
+
+
 @pytest.mark.parametrize(("lost_below", "chosen"), [(0.002, 0.003), (0.004, 0.005), (1.0, 0.0017)])
 def test_a_longer_explanation_length_is_chosen_if_fewer_sweeps_are_lost_with_it(
     monkeypatch: pytest.MonkeyPatch, models: list[SweepModel], lost_below: float, chosen: float
