@@ -24,6 +24,8 @@ beside their errors, ``peers.py`` those of other packages' particle filters.
     and the largest resident size of the process, MB
 ``update converged``, ``update open``, ``strain without update``, ``update of N particles``
     of the localizer on the test sweeps (:mod:`updates`), us, median
+``update of N particles, C++``
+    of a particle filter in C++ on the same map (:mod:`compiled_filter`), where there is a compiler
 ``reading of CSV``
     processor time of reading 162,180 rows of 20 columns, by that of ``numpy.loadtxt``
 ``decoding``
@@ -36,6 +38,7 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -48,6 +51,7 @@ from typing import NamedTuple
 import can
 import cantools
 import numpy as np
+from compiled_filter import COMPILER
 from rows import Row, print_rows, write_rows
 
 from tactile_localizer.io.can.assembler import CycleAssembler
@@ -125,9 +129,13 @@ def updates(folder: Path, trees: Sequence[Path], repeat: int) -> list[dict[str, 
             scan = f"{scans}/{number}"
             command(tree, "import", "csv", train, "--scene", folder / "scene.yaml", "-o", scan)
         for _ in range(repeat):
+            for count in _PARTICLES if shutil.which(COMPILER) else ():
+                options = "--particles", str(count)
+                taken = float(_of_tree(trees[0], "compiled_filter", f"{scans}/0", test, *options))
+                runs[0].setdefault(f"update of {count} particles, C++", []).append(taken)
             for number, tree in enumerate(trees):
                 printed = {
-                    options: json.loads(_of_tree(tree, f"{scans}/{number}", test, *options))
+                    options: json.loads(_of_tree(tree, "updates", f"{scans}/{number}", test, *options))
                     for _, options in names.values()
                 }
                 for name, (kind, options) in names.items():
@@ -135,10 +143,11 @@ def updates(folder: Path, trees: Sequence[Path], repeat: int) -> list[dict[str, 
     return [{name: float(np.median(times)) for name, times in each.items()} for each in runs]
 
 
-def _of_tree(tree: Path, *arguments: object) -> str:
-    """What ``updates.py`` prints with the package of a source tree."""
-    script = "import sys; del sys.argv[0]; exec(open(sys.argv[0]).read())"
-    line = [sys.executable, "-c", script, str(Path(__file__).with_name("updates.py")), *map(str, arguments)]
+def _of_tree(tree: Path, name: str, *arguments: object) -> str:
+    """What a script beside this one prints with the package of a source tree."""
+    script = "import sys; del sys.argv[0]; __file__ = sys.argv[0]; exec(open(__file__).read())"
+    path = Path(__file__).resolve().with_name(f"{name}.py")
+    line = [sys.executable, "-c", script, str(path), *map(str, arguments)]
     return subprocess.run(line, cwd=tree, check=True, capture_output=True, text=True).stdout
 
 
@@ -258,7 +267,7 @@ def main() -> None:
     times = updates(given.folder.resolve(), trees, given.repeat)
     for name, taken in times[0].items():
         rows.append({"name": name, "value": taken, "unit": "us"})
-        if given.beside is not None:
+        if given.beside is not None and name in times[1]:
             rows[-1]["ratio"] = taken / times[1][name]
     rows += [csv_reading(162_180), decoding(given.cycles)]
     if given.json is not None:

@@ -2,12 +2,14 @@
 
 import json
 import runpy
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from compiled_filter import COMPILER
 from recorded import white_noise_std, with_white_noise
 from speed import cost
 from support.sweeps import CALIBRATION
@@ -97,6 +99,8 @@ def test_speed_measures_what_a_user_waits_for(bump: Path, tmp_path: Path) -> Non
     assert values["learning and replay"] > 0.0
     assert values["import, learning and replay"] == values["import csv"] + values["learning and replay"]
     assert values["decoding"] > 0.0
+    if shutil.which(COMPILER):
+        assert values["update of 1000 particles, C++"] > 0.0
 
 
 def test_speed_measures_the_tree_beside(tmp_path: Path) -> None:
