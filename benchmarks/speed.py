@@ -129,10 +129,6 @@ def updates(folder: Path, trees: Sequence[Path], repeat: int) -> list[dict[str, 
             scan = f"{scans}/{number}"
             command(tree, "import", "csv", train, "--scene", folder / "scene.yaml", "-o", scan)
         for _ in range(repeat):
-            for count in _PARTICLES if shutil.which(COMPILER) else ():
-                options = "--particles", str(count)
-                taken = float(_of_tree(trees[0], "compiled_filter", f"{scans}/0", test, *options))
-                runs[0].setdefault(f"update of {count} particles, C++", []).append(taken)
             for number, tree in enumerate(trees):
                 printed = {
                     options: json.loads(_of_tree(tree, "updates", f"{scans}/{number}", test, *options))
@@ -140,6 +136,10 @@ def updates(folder: Path, trees: Sequence[Path], repeat: int) -> list[dict[str, 
                 }
                 for name, (kind, options) in names.items():
                     runs[number][name].append(printed[options][kind])
+            for count in _PARTICLES if shutil.which(COMPILER) else ():
+                options = "--particles", str(count)
+                taken = float(_of_tree(trees[0], "compiled_filter", f"{scans}/0", test, *options))
+                runs[0].setdefault(f"update of {count} particles, C++", []).append(taken)
     return [{name: float(np.median(times)) for name, times in each.items()} for each in runs]
 
 
