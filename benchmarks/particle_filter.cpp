@@ -10,14 +10,15 @@
 //   float64  first node, distance of nodes, lower and upper bound, motion noise per root metre, each (d);
 //            degrees of freedom, variance of the gain; displacement (d) and exponent of each step; strains (C)
 //   float32  of the components strain (n, C), variances and log-prior (F + 1, n)
-// An exponent of zero begins a sweep, with a uniform belief. Prints the median time of an update, us.
+// An exponent of zero begins a sweep, with a uniform belief. Prints the median time of an update, us, and the last
+// estimate (d).
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <numeric>
+#include <cstdlib>
 #include <random>
 #include <vector>
 
@@ -130,6 +131,6 @@ int main()
         taken.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - began).count());
     }
     std::nth_element(taken.begin(), taken.begin() + taken.size() / 2, taken.end());
-    if (!std::isfinite(std::accumulate(estimate.begin(), estimate.end(), 0.0))) return 1;
-    std::printf("%.3f\n", taken[taken.size() / 2]);
+    std::printf("%.3f", taken[taken.size() / 2]);
+    for (const double along : estimate) std::printf(" %.6f", along);
 }

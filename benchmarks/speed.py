@@ -138,8 +138,8 @@ def updates(folder: Path, trees: Sequence[Path], repeat: int) -> list[dict[str, 
                     runs[number][name].append(printed[options][kind])
             for count in _PARTICLES if shutil.which(COMPILER) else ():
                 options = "--particles", str(count)
-                taken = float(_of_tree(trees[0], "compiled_filter", f"{scans}/0", test, *options))
-                runs[0].setdefault(f"update of {count} particles, C++", []).append(taken)
+                taken, _ = _of_tree(trees[0], "compiled_filter", f"{scans}/0", test, *options).split()
+                runs[0].setdefault(f"update of {count} particles, C++", []).append(float(taken))
     return [{name: float(np.median(times)) for name, times in each.items()} for each in runs]
 
 

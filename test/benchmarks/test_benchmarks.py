@@ -12,7 +12,7 @@ import pytest
 from compiled_filter import COMPILER
 from recorded import white_noise_std, with_white_noise
 from speed import cost
-from support.sweeps import CALIBRATION
+from support.sweeps import CALIBRATION, write_scan
 
 from tactile_localizer.cli.simulate import write_csv
 from tactile_localizer.io.recording import RecordedSweep, Recording
@@ -110,6 +110,18 @@ def test_speed_measures_the_tree_beside(tmp_path: Path) -> None:
         (package / "__init__.py").write_text("open('imported', 'w')")
     cost(tmp_path / "beside", "import tactile_localizer")
     assert [path.parent.name for path in tmp_path.glob("*/imported")] == ["beside"]
+
+
+@pytest.mark.skipif(not shutil.which(COMPILER), reason="no C++ compiler")
+def test_the_filter_in_cpp_finds_the_place(
+    bump: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_scan(tmp_path / "scan")
+    capsys.readouterr()
+    run("compiled_filter.py", tmp_path / "scan", bump / "test.csv", "--particles", "1000")
+    taken, error = map(float, capsys.readouterr().out.split())
+    assert taken > 0.0
+    assert error < 0.0075
 
 
 def test_forces_has_a_row_for_each_force(tmp_path: Path) -> None:
