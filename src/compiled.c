@@ -96,7 +96,12 @@ static PyObject *follow(PyObject *self, PyObject *args)
     const Py_ssize_t channels = kinds * after > 0 ? COUNT(a[FOUND], float) / (kinds * after) : 0;
     const Py_ssize_t before = kinds * channels > 0 ? COUNT(a[VALUES], float) / (kinds * channels) : 0;
     const intptr_t *ancestors = a[ANCESTORS].buf;
+    if (after && !HAS(VALUES, kinds * before * channels, float)) goto end;
     if (!(HAS(TAKEN_IN, after, double) && HAS(FOUND, kinds * after * channels, float))) goto end;
+    if (after && states > before) {
+        PyErr_Format(PyExc_ValueError, "weights: expected at most %zd, got %zd", before, states);
+        goto end;
+    }
     for (Py_ssize_t m = 0; m < after; m++) {
         if (ancestors[m] >= 0 && ancestors[m] < before) continue;
         PyErr_Format(PyExc_ValueError, "ancestors: expected numbers below %zd, got %zd", before, ancestors[m]);
@@ -109,8 +114,7 @@ static PyObject *follow(PyObject *self, PyObject *args)
     }
     for (Py_ssize_t k = 0; after && k < kinds; k++)
         follow_rows((const float *)a[VALUES].buf + k * before * channels, channels, ancestors, a[TAKEN_IN].buf, after,
-                    a[WEIGHTS].buf, states < before ? states : before, mean,
-                    (float *)a[FOUND].buf + k * after * channels);
+                    a[WEIGHTS].buf, states, mean, (float *)a[FOUND].buf + k * after * channels);
 end:
     PyMem_Free(mean);
     release(a, ALL);

@@ -194,6 +194,12 @@ def test_an_ancestor_that_there_is_not_is_refused(ancestor: int) -> None:
         ancestry.followed(np.zeros((1, 3, 1), dtype=np.float32))
 
 
+def test_weights_of_more_states_than_there_are_are_refused() -> None:
+    ancestry = Ancestry(np.array([0]), np.zeros(1), np.ones(4))
+    with pytest.raises(ValueError, match="weights: expected at most 3, got 4"):
+        ancestry.followed(np.zeros((1, 3, 1), dtype=np.float32))
+
+
 @given(seed=SEEDS, layout=LAYOUTS, size=SIZES, level=LEVELS)
 def test_other_material_is_as_likely_as_by_numpy(
     seed: int, layout: ChannelLayout, size: float, level: float
