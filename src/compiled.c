@@ -64,6 +64,54 @@ static PyObject *map_at(PyObject *self, PyObject *args)
     Py_RETURN_NONE;
 }
 
+/* living(cells d (N,), kept d (N,): of the cells, what was not taken in; number_of n (N,): that of each cell before, or -1;
+ *        centres d (d, N), offset d (d,), the least weight that counts;
+ *        alive n (N,), states d (d, N), weights d (N,), ancestors n (N,), continued d (N,), next number_of n (N,)): P,
+ *        the number of living cells, of which the outputs have that many values (of an axis), but for the last
+ */
+static PyObject *living(PyObject *self, PyObject *args)
+{
+    enum { CELLS, KEPT, NUMBER_OF, CENTRES, OFFSET, ALIVE, STATES, WEIGHTS, ANCESTORS, CONTINUED, NEXT, ALL };
+    Py_buffer a[ALL] = {{0}};
+    Py_ssize_t found = 0;
+    double least, total = 0.0;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*dw*w*w*w*w*w*", &a[CELLS], &a[KEPT], &a[NUMBER_OF], &a[CENTRES], &a[OFFSET],
+                          &least, &a[ALIVE], &a[STATES], &a[WEIGHTS], &a[ANCESTORS], &a[CONTINUED], &a[NEXT]))
+        return NULL;
+    const Py_ssize_t count = COUNT(a[CELLS], double), axes = COUNT(a[OFFSET], double);
+    const double *cells = a[CELLS].buf, *kept = a[KEPT].buf, *centres = a[CENTRES].buf, *offset = a[OFFSET].buf;
+    const intptr_t *number_of = a[NUMBER_OF].buf;
+    intptr_t *alive = a[ALIVE].buf, *ancestors = a[ANCESTORS].buf, *next = a[NEXT].buf;
+    double *states = a[STATES].buf, *weights = a[WEIGHTS].buf, *continued = a[CONTINUED].buf;
+    const bool fits = HAS(KEPT, count, double) && HAS(NUMBER_OF, count, intptr_t) &&
+                      HAS(CENTRES, axes * count, double) && HAS(ALIVE, count, intptr_t) &&
+                      HAS(STATES, axes * count, double) && HAS(WEIGHTS, count, double) &&
+                      HAS(ANCESTORS, count, intptr_t) && HAS(CONTINUED, count, double) && HAS(NEXT, count, intptr_t);
+    if (fits) memset(next, -1, (size_t)count * sizeof(intptr_t));
+    for (Py_ssize_t begin = 0, end; fits && begin < count; begin = end) {
+        enum { TOGETHER = 32 }; /* most cells have no weight: of so many it is found out at once */
+        int any = 0;
+        end = begin + TOGETHER < count ? begin + TOGETHER : count;
+        for (Py_ssize_t n = begin; n < end; n++) any |= cells[n] > least;
+        for (Py_ssize_t n = begin; any && n < end; n++) {
+            if (!(cells[n] > least)) continue;
+            alive[found] = n;
+            weights[found] = cells[n];
+            ancestors[found] = number_of[n] < 0 ? 0 : number_of[n];
+            continued[found] = number_of[n] < 0 ? 0.0 : kept[n] / cells[n];
+            total += cells[n];
+            next[n] = found++;
+        }
+    }
+    for (Py_ssize_t k = 0; k < found; k++) weights[k] /= total;
+    for (Py_ssize_t axis = 0; axis < axes; axis++)
+        for (Py_ssize_t k = 0; k < found; k++)
+            states[axis * count + k] = centres[axis * count + alive[k]] + offset[axis];
+    release(a, ALL);
+    return fits ? PyLong_FromSsize_t(found) : NULL;
+}
+
 /* Rows (M, C) of what is known along trajectories, of those (N, C) before, among them the first of P states. */
 static void follow_rows(const float *restrict before, Py_ssize_t channels, const intptr_t *ancestors,
                         const double *taken_in, Py_ssize_t after, const double *weights, Py_ssize_t states,
@@ -74,10 +122,16 @@ static void follow_rows(const float *restrict before, Py_ssize_t channels, const
         const float weight = (float)weights[n];
         for (Py_ssize_t c = 0; c < channels; c++) mean[c] += weight * before[n * channels + c];
     }
-    for (Py_ssize_t m = 0; m < after; m++) {
+    for (Py_ssize_t m = 0, next; m < after; m = next) {
         const float *own = before + ancestors[m] * channels, share = (float)taken_in[m];
-        for (Py_ssize_t c = 0; c < channels; c++)
-            found[m * channels + c] = (1.0f - share) * own[c] + share * mean[c];
+        next = m + 1;
+        if (share == 0.0f) { /* of most, and of neighbours the ancestors are neighbours: copied together */
+            while (next < after && taken_in[next] == 0.0 && ancestors[next] == ancestors[m] + (next - m)) next++;
+            memcpy(found + m * channels, own, (size_t)((next - m) * channels) * sizeof(float));
+        } else {
+            for (Py_ssize_t c = 0; c < channels; c++)
+                found[m * channels + c] = (1.0f - share) * own[c] + share * mean[c];
+        }
     }
 }
 
@@ -119,6 +173,46 @@ end:
     PyMem_Free(mean);
     release(a, ALL);
     if (PyErr_Occurred()) return NULL;
+    Py_RETURN_NONE;
+}
+
+/* anchors(origin d (d, R), displacement d (d,), lower d (d,), extent d (d,), ends bool (d,);
+ *         shift d (d,), beyond bool (d, R): before, and after it; states d (d, R), left bool (R,))
+ */
+static PyObject *anchors(PyObject *self, PyObject *args)
+{
+    enum { ORIGIN, DISPLACEMENT, LOWER, EXTENT, ENDS, SHIFT, BEYOND, STATES, LEFT, ALL };
+    Py_buffer a[ALL] = {{0}};
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*w*w*w*w*", &a[ORIGIN], &a[DISPLACEMENT], &a[LOWER], &a[EXTENT], &a[ENDS],
+                          &a[SHIFT], &a[BEYOND], &a[STATES], &a[LEFT]))
+        return NULL;
+    const Py_ssize_t axes = COUNT(a[SHIFT], double), count = COUNT(a[LEFT], char);
+    const double *displacement = a[DISPLACEMENT].buf, *lower = a[LOWER].buf, *extents = a[EXTENT].buf;
+    double *shifts = a[SHIFT].buf;
+    char *left = a[LEFT].buf;
+    const bool fits = HAS(ORIGIN, axes * count, double) && HAS(DISPLACEMENT, axes, double) &&
+                      HAS(LOWER, axes, double) && HAS(EXTENT, axes, double) && HAS(ENDS, axes, char) &&
+                      HAS(BEYOND, axes * count, char) && HAS(STATES, axes * count, double);
+    if (fits) memset(left, 0, (size_t)count);
+    for (Py_ssize_t axis = 0; fits && axis < axes; axis++) {
+        const double *origin = (const double *)a[ORIGIN].buf + axis * count, extent = extents[axis];
+        const double moved = shifts[axis] + displacement[axis], rest = fmod(moved, extent);
+        const double shift = rest < 0.0 ? rest + extent : rest, turns = rint((moved - shift) / extent);
+        const bool has_ends = ((const char *)a[ENDS].buf)[axis];
+        double *states = (double *)a[STATES].buf + axis * count;
+        char *beyond = (char *)a[BEYOND].buf + axis * count;
+        for (Py_ssize_t r = 0; r < count; r++) {
+            const double place = origin[r] + shift;
+            const bool is_beyond = place >= extent, has_turned = beyond[r] != turns + is_beyond;
+            states[r] = lower[axis] + (place - (is_beyond ? extent : 0.0));
+            beyond[r] = is_beyond;
+            left[r] |= has_turned && has_ends;
+        }
+        shifts[axis] = shift;
+    }
+    release(a, ALL);
+    if (!fits) return NULL;
     Py_RETURN_NONE;
 }
 
@@ -228,231 +322,248 @@ static inline float fast_log(float x)
     return (float)exponent * 0.693147182f + (f - 0.5f * f * f + f * f * f * q);
 }
 
-/* Adds to sum (C,) a row vector (C,) times an upper triangle (C, C), whose rows are zero from their ends (C,) on. */
-static void add_product(const float *restrict vector, const float *restrict matrix, const Py_ssize_t *ends,
-                        Py_ssize_t channels, float *restrict sum)
+/* Components that are worked on together: in the loops over them, which are ones of vectors, most time is spent. */
+enum { LANES = 64 };
+typedef float Lanes[LANES];
+
+/* Of signals (C,) the products with an upper triangle (C, C), of which that of a sheet has a block per phalanx. */
+static void transformed(const Lanes *restrict signals, const float *restrict triangle, Py_ssize_t channels,
+                        Lanes *restrict products)
 {
-    for (Py_ssize_t row = 0; row < channels; row++) {
-        const float *factors = matrix + row * channels;
-        /* From an eighth on, so that the usual eight channels are one vector. */
-        for (Py_ssize_t c = row & ~7; c < ends[row]; c++) sum[c] += vector[row] * factors[c];
+    for (Py_ssize_t c = 0; c < channels; c++) {
+        Lanes sum = {0};
+        for (Py_ssize_t row = 0; row <= c; row++) {
+            const float factor = triangle[row * channels + c];
+            if (factor == 0.0f) continue;
+            for (int k = 0; k < LANES; k++) sum[k] += factor * signals[row][k];
+        }
+        memcpy(products[c], sum, sizeof sum);
     }
 }
 
-/* Residuals (F, n + N) from n components other than the first, then from the N first ones. */
+/* Residuals of a phalanx's strain (count,) from signals (count,) at a mean gain, and their product with the signal. */
 typedef struct {
-    float *energy, *product, *squared, *gain, *variance, *length, *log_density;
+    Lanes energy, product, squared;
 } Residuals;
-enum { PER_RESIDUAL = 7 };
 
-/* The residual of a strain (count,) from a signal, at a mean gain. */
-static void residual(const float *strain, const float *signal, Py_ssize_t count, float mean, const Residuals *into,
-                     Py_ssize_t at)
+static void residuals(const float *restrict strain, const Lanes *restrict signals, Py_ssize_t count,
+                      const float *restrict mean, Residuals *restrict of)
 {
-    float energy = 0.0f, along = 0.0f, squared = 0.0f;
+    memset(of, 0, sizeof *of);
     for (Py_ssize_t c = 0; c < count; c++) {
-        const float left = strain[c] - signal[c];
-        energy += signal[c] * signal[c];
-        along += strain[c] * signal[c];
-        squared += left * left;
+        for (int k = 0; k < LANES; k++) {
+            const float signal = signals[c][k], left = strain[c] - signal;
+            of->energy[k] += signal * signal;
+            of->product[k] += strain[c] * signal;
+            of->squared[k] += left * left;
+        }
     }
-    /* From the residual of a gain of one to that of the mean gain. */
-    const float more = 1.0f - mean, product = along - energy;
-    into->energy[at] = energy;
-    into->product[at] = product + more * energy;
-    into->squared[at] = squared + more * (2.0f * product + more * energy);
+    for (int k = 0; k < LANES; k++) { /* from the residual of a gain of one to that of the mean gain */
+        const float more = 1.0f - mean[k], product = of->product[k] - of->energy[k];
+        of->product[k] = product + more * of->energy[k];
+        of->squared[k] += more * (2.0f * product + more * of->energy[k]);
+    }
 }
 
 /* Log-densities of residuals, and their squared Mahalanobis lengths (core/likelihood/student_t.py). */
-#ifdef __GNUC__
-__attribute__((noinline)) /* inlined, the loop is not vectorized: what does not alias is forgotten */
-#endif
-static void densities(Py_ssize_t rows, const float *restrict energy, const float *restrict product,
-                      const float *restrict squared, const float *restrict gain, const float *restrict variance,
+static void densities(const Residuals *restrict of, const float *restrict gain, const float *restrict variance,
                       float channels, float degrees, float *restrict length, float *restrict log_density)
 {
-    for (Py_ssize_t row = 0; row < rows; row++) {
-        const float total = variance[row] + gain[row] * energy[row];
-        const float left = squared[row] - gain[row] * (product[row] * product[row]) / total;
-        const float across = (left > 0.0f ? left : 0.0f) / variance[row];
+    for (int k = 0; k < LANES; k++) {
+        const float total = variance[k] + gain[k] * of->energy[k];
+        const float left = of->squared[k] - gain[k] * (of->product[k] * of->product[k]) / total;
+        const float across = (left > 0.0f ? left : 0.0f) / variance[k];
         const float tails = (degrees + channels) * fast_log(1.0f + across * (1.0f / degrees));
-        length[row] = across;
-        log_density[row] = -0.5f * (tails + (channels - 1.0f) * fast_log(variance[row]) + fast_log(total));
+        length[k] = across;
+        log_density[k] = -0.5f * (tails + (channels - 1.0f) * fast_log(variance[k]) + fast_log(total));
     }
 }
 
 /* on_map(spread f (F + 1, M), counts n (M,), starts n (M,), away f (n, C), other_spread f (F + 1, n): components;
- *        nodes n (N,), of_map f (N, C) whitened as the strain, mean f (F, N), gain f (F, N): of the places;
+ *        nodes n (N,), of_map f (N, C), mean f (F, N), gain f (F, N): of the places;
  *        bounds n (F + 1,): first channel of each phalanx;
  *        strain f (C,), transform f (C, C) that whitens rows as the strain, an upper triangle, or None,
  *        level f (F,), used bool (F,): of the strain;
- *        degrees of freedom, number of states;
- *        likelihoods d (N,), information f (F, N), product f (F, N))
+ *        degrees of freedom, exponent, number of states;
+ *        likelihoods d (N,), mean f (F, N), gain f (F, N): of the places after the strain)
  */
 static PyObject *on_map(PyObject *self, PyObject *args)
 {
     enum { SPREAD, COUNTS, STARTS, AWAY, OTHER_SPREAD, NODES, OF_MAP, MEAN, GAIN, BOUNDS, STRAIN, TRANSFORM, LEVEL,
-           USED, LIKELIHOODS, INFORMATION, PRODUCT, ALL };
+           USED, LIKELIHOODS, NEXT_MEAN, NEXT_GAIN, ALL };
     Py_buffer a[ALL] = {{0}};
     Py_ssize_t states;
-    float degrees;
+    float degrees, exponent;
     (void)self;
-    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*y*y*y*z*y*y*fnw*w*w*", &a[SPREAD], &a[COUNTS], &a[STARTS], &a[AWAY],
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*y*y*y*z*y*y*ffnw*w*w*", &a[SPREAD], &a[COUNTS], &a[STARTS], &a[AWAY],
                           &a[OTHER_SPREAD], &a[NODES], &a[OF_MAP], &a[MEAN], &a[GAIN], &a[BOUNDS], &a[STRAIN],
-                          &a[TRANSFORM], &a[LEVEL], &a[USED], &degrees, &states, &a[LIKELIHOODS], &a[INFORMATION],
-                          &a[PRODUCT]))
+                          &a[TRANSFORM], &a[LEVEL], &a[USED], &degrees, &exponent, &states, &a[LIKELIHOODS],
+                          &a[NEXT_MEAN], &a[NEXT_GAIN]))
         return NULL;
     const Py_ssize_t phalanges = COUNT(a[LEVEL], float), channels = COUNT(a[STRAIN], float);
     const Py_ssize_t places = COUNT(a[NODES], intptr_t), nodes = COUNT(a[COUNTS], intptr_t);
     const Py_ssize_t all_others = COUNT(a[OTHER_SPREAD], float) / (phalanges + 1);
     const float *spread = a[SPREAD].buf, *other_spread = a[OTHER_SPREAD].buf, *away = a[AWAY].buf;
+    const float *of_map = a[OF_MAP].buf, *mean = a[MEAN].buf, *gain = a[GAIN].buf;
     const float *strain = a[STRAIN].buf, *transform = a[TRANSFORM].buf, *level = a[LEVEL].buf;
-    const float *mean = a[MEAN].buf, *gain = a[GAIN].buf;
     const intptr_t *counts = a[COUNTS].buf, *starts = a[STARTS].buf, *node_of = a[NODES].buf, *bounds = a[BOUNDS].buf;
     const char *used = a[USED].buf;
-    double *likelihoods = a[LIKELIHOODS].buf;
-    float *information = a[INFORMATION].buf, *product = a[PRODUCT].buf, *memory = NULL;
-    Py_ssize_t *ends = NULL;
-    Py_ssize_t others = 0;
+    double *likelihoods = a[LIKELIHOODS].buf, *densities_of_first = NULL;
+    float *next_mean = a[NEXT_MEAN].buf, *next_gain = a[NEXT_GAIN].buf;
+    Lanes *signals = NULL;
     if (!(HAS(SPREAD, (phalanges + 1) * nodes, float) && HAS(STARTS, nodes, intptr_t) &&
           HAS(AWAY, all_others * channels, float) && HAS(OF_MAP, places * channels, float) &&
           HAS(MEAN, phalanges * places, float) && HAS(GAIN, phalanges * places, float) &&
           HAS(BOUNDS, phalanges + 1, intptr_t) && (!transform || HAS(TRANSFORM, channels * channels, float)) &&
           HAS(USED, phalanges, char) && HAS(LIKELIHOODS, places, double) &&
-          HAS(INFORMATION, phalanges * places, float) && HAS(PRODUCT, phalanges * places, float)))
+          HAS(NEXT_MEAN, phalanges * places, float) && HAS(NEXT_GAIN, phalanges * places, float)))
         goto end;
-    for (Py_ssize_t n = 0; n < states; n++) others += counts[node_of[n]];
-    const Py_ssize_t rows = others + places, size = phalanges * rows;
-    memory = PyMem_Malloc((size_t)(PER_RESIDUAL * size + rows + channels) * sizeof(float));
-    ends = PyMem_Malloc((size_t)channels * sizeof(Py_ssize_t));
-    if (!memory || !ends) {
+    signals = PyMem_Calloc((size_t)(2 * channels), sizeof(Lanes));
+    densities_of_first = PyMem_Malloc((size_t)(2 * phalanges * places) * sizeof(double));
+    if (!signals || !densities_of_first) {
         PyErr_NoMemory();
         goto end;
     }
-    const Residuals of = {memory,
-                          memory + size,
-                          memory + 2 * size,
-                          memory + 3 * size,
-                          memory + 4 * size,
-                          memory + 5 * size,
-                          memory + 6 * size};
-    float *log_prior = memory + PER_RESIDUAL * size, *moved = log_prior + rows;
-    for (Py_ssize_t row = 0; transform && row < channels; row++) /* of a sheet, that of its phalanx */
-        for (ends[row] = channels; ends[row] > row && transform[row * channels + ends[row] - 1] == 0.0f;) ends[row]--;
-    for (Py_ssize_t n = 0, row = 0; n < places; n++) {
-        const float *of_map = (const float *)a[OF_MAP].buf + n * channels;
-        const intptr_t node = node_of[n], count = n < states ? counts[node] : 0; /* of anchors the first alone */
-        for (intptr_t k = -1; k < count; k++) {                                  /* the first component, the others */
-            const intptr_t other = starts[node] + k;
-            const Py_ssize_t at = k < 0 ? others + n : row++;
-            const float *signal = of_map, *more = away + other * channels;
-            if (k >= 0) {
-                for (Py_ssize_t c = 0; c < channels; c++) moved[c] = of_map[c] + (transform ? 0.0f : more[c]);
-                if (transform) add_product(more, transform, ends, channels, moved);
-                signal = moved;
-            }
-            for (Py_ssize_t f = 0; f < phalanges; f++) {
-                const float visit = k < 0 ? spread[f * nodes + node] : other_spread[f * all_others + other];
-                of.variance[f * rows + at] = visit + level[f];
-                of.gain[f * rows + at] = gain[f * places + n];
-                residual(strain + bounds[f], signal + bounds[f], bounds[f + 1] - bounds[f], mean[f * places + n], &of,
-                         f * rows + at);
-            }
-            log_prior[at] = k < 0 ? spread[phalanges * nodes + node] : other_spread[phalanges * all_others + other];
+    Lanes *whitened = transform ? signals + channels : signals;
+    double *sums = densities_of_first + phalanges * places; /* of a place's densities, relative to its first one */
+    for (Py_ssize_t k = 0; k < phalanges * places; k++) sums[k] = 1.0;
+    intptr_t next = 0; /* component of the place: the first, or another */
+    for (Py_ssize_t n = 0; n < places;) {
+        Py_ssize_t place[LANES], other[LANES], lanes = 0;
+        for (; lanes < LANES && n < places; lanes++) {
+            const intptr_t count = n < states ? counts[node_of[n]] : 0; /* of anchors the first alone */
+            place[lanes] = n;
+            other[lanes] = next ? starts[node_of[n]] + next - 1 : -1;
+            for (Py_ssize_t c = 0; c < channels; c++)
+                signals[c][lanes] = of_map[n * channels + c] + (next ? away[other[lanes] * channels + c] : 0.0f);
+            if (next++ == count) next = 0, n++;
         }
-        if (n >= states) log_prior[others + n] = 0.0f;
+        if (transform) transformed(signals, transform, channels, whitened);
+        for (Py_ssize_t f = 0; f < phalanges; f++) {
+            const float width = (float)(bounds[f + 1] - bounds[f]);
+            Lanes variance = {0}, of_mean = {0}, of_gain = {0}, length, log_density;
+            Residuals of;
+            for (Py_ssize_t k = 0; k < lanes; k++) {
+                const float visit = other[k] < 0 ? spread[f * nodes + node_of[place[k]]]
+                                                 : other_spread[f * all_others + other[k]];
+                variance[k] = visit + level[f];
+                of_mean[k] = mean[f * places + place[k]];
+                of_gain[k] = gain[f * places + place[k]];
+            }
+            residuals(strain + bounds[f], whitened + bounds[f], bounds[f + 1] - bounds[f], of_mean, &of);
+            densities(&of, of_gain, variance, width, degrees, length, log_density);
+            for (Py_ssize_t k = 0; k < lanes; k++) {
+                const Py_ssize_t at = f * places + place[k];
+                if (other[k] < 0) {
+                    const float log_prior = place[k] < states ? spread[phalanges * nodes + node_of[place[k]]] : 0.0f;
+                    const float weight = exponent * ((degrees + width) / (degrees + length[k]) / variance[k]);
+                    densities_of_first[at] = log_density[k] + log_prior;
+                    next_gain[at] = of_gain[k] / (1.0f + weight * of.energy[k] * of_gain[k]);
+                    next_mean[at] = of_mean[k] + weight * of.product[k] * next_gain[at];
+                } else if (used[f]) {
+                    const float log_prior = other_spread[phalanges * all_others + other[k]];
+                    const double ratio = log_density[k] + log_prior - densities_of_first[at];
+                    sums[at] += exp(ratio < 700.0 ? ratio : 700.0); /* a finite number */
+                }
+            }
+        }
     }
-    memset(likelihoods, 0, (size_t)places * sizeof(double));
-    for (Py_ssize_t f = 0; f < phalanges; f++) {
-        const Py_ssize_t begin = f * rows, first = begin + others;
-        const float width = (float)(bounds[f + 1] - bounds[f]);
-        densities(rows, of.energy + begin, of.product + begin, of.squared + begin, of.gain + begin, of.variance + begin,
-                  width, degrees, of.length + begin, of.log_density + begin);
-        for (Py_ssize_t n = 0, row = 0; used[f] && n < places; n++) {
-            const double of_first = of.log_density[first + n] + log_prior[others + n];
-            const intptr_t count = n < states ? counts[node_of[n]] : 0;
-            double sum = 1.0; /* relative to the first component */
-            for (const Py_ssize_t end = row + count; row < end; row++) {
-                const double ratio = of.log_density[begin + row] + log_prior[row] - of_first;
-                sum += exp(ratio < 700.0 ? ratio : 700.0); /* a finite number */
-            }
-            likelihoods[n] += of_first + (count ? log(sum) : 0.0);
-        }
-        for (Py_ssize_t n = 0; n < places; n++) {
-            const float weight = (degrees + width) / (degrees + of.length[first + n]) / of.variance[first + n];
-            information[f * places + n] = weight * of.energy[first + n];
-            product[f * places + n] = weight * of.product[first + n];
-        }
+    for (Py_ssize_t n = 0; n < places; n++) {
+        likelihoods[n] = 0.0;
+        for (Py_ssize_t f = 0, at = n; f < phalanges; f++, at += places)
+            if (used[f]) likelihoods[n] += densities_of_first[at] + (sums[at] > 1.0 ? log(sums[at]) : 0.0);
     }
 end:
-    PyMem_Free(ends);
-    PyMem_Free(memory);
+    PyMem_Free(densities_of_first);
+    PyMem_Free(signals);
     release(a, ALL);
     if (PyErr_Occurred()) return NULL;
     Py_RETURN_NONE;
 }
 
-/* Adds the product of a vector (count,) with itself, times a weight, to rows that are so far apart. */
-static void add_square(const float *restrict vector, float weight, Py_ssize_t count, float *restrict sums,
-                       Py_ssize_t apart)
+/* Adds to moments (count, count), whose rows are so far apart, those of residuals (count,) with weights. */
+static void add_moments(const Lanes *restrict residual, const float *restrict weights, Py_ssize_t count,
+                        double *restrict moments, Py_ssize_t apart)
 {
     for (Py_ssize_t row = 0; row < count; row++) {
-        const float factor = weight * vector[row];
-        for (Py_ssize_t c = 0; c < count; c++) sums[row * apart + c] += factor * vector[c];
+        Lanes weighted;
+        for (int k = 0; k < LANES; k++) weighted[k] = weights[k] * residual[row][k];
+        for (Py_ssize_t c = 0; c <= row; c++) {
+            float sum = 0.0f;
+            for (int k = 0; k < LANES; k++) sum += weighted[k] * residual[c][k];
+            moments[row * apart + c] += sum;
+            if (c < row) moments[c * apart + row] += sum;
+        }
     }
 }
 
-/* scatter(spread f (F + 1, M): first components; nodes n (N,), of_map f (N, C) whitened as the strain, mean f (F, N):
- *         of the places; bounds n (F + 1,); strain f (C,), level f (F,): of the strain; weights d (P,) of the states,
- *         the least that counts, in variances the largest mean square;
+/* scatter(spread f (F + 1, M): first components; nodes n (N,), of_map f (N, C), mean f (F, N): of the places;
+ *         bounds n (F + 1,); strain f (C,), transform f (C, C) or None, level f (F,): of the strain, as of on_map;
+ *         weights d (P,) of the states, the least that counts, in variances the largest mean square;
  *         moments d (C, C), a block per phalanx)
  */
 static PyObject *scatter(PyObject *self, PyObject *args)
 {
-    enum { SPREAD, NODES, OF_MAP, MEAN, BOUNDS, STRAIN, LEVEL, WEIGHTS, MOMENTS, ALL };
+    enum { SPREAD, NODES, OF_MAP, MEAN, BOUNDS, STRAIN, TRANSFORM, LEVEL, WEIGHTS, MOMENTS, ALL };
     Py_buffer a[ALL] = {{0}};
     double least;
-    float largest, *memory = NULL;
+    float largest;
+    Lanes *signals = NULL;
     (void)self;
-    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*dfw*", &a[SPREAD], &a[NODES], &a[OF_MAP], &a[MEAN], &a[BOUNDS],
-                          &a[STRAIN], &a[LEVEL], &a[WEIGHTS], &least, &largest, &a[MOMENTS]))
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*z*y*y*dfw*", &a[SPREAD], &a[NODES], &a[OF_MAP], &a[MEAN], &a[BOUNDS],
+                          &a[STRAIN], &a[TRANSFORM], &a[LEVEL], &a[WEIGHTS], &least, &largest, &a[MOMENTS]))
         return NULL;
     const Py_ssize_t phalanges = COUNT(a[LEVEL], float), channels = COUNT(a[STRAIN], float);
     const Py_ssize_t places = COUNT(a[NODES], intptr_t), states = COUNT(a[WEIGHTS], double);
     const Py_ssize_t nodes = COUNT(a[SPREAD], float) / (phalanges + 1);
-    const float *spread = a[SPREAD].buf, *mean = a[MEAN].buf, *strain = a[STRAIN].buf, *level = a[LEVEL].buf;
+    const float *spread = a[SPREAD].buf, *of_map = a[OF_MAP].buf, *mean = a[MEAN].buf;
+    const float *strain = a[STRAIN].buf, *transform = a[TRANSFORM].buf, *level = a[LEVEL].buf;
     const intptr_t *node_of = a[NODES].buf, *bounds = a[BOUNDS].buf;
     const double *weights = a[WEIGHTS].buf;
     double *moments = a[MOMENTS].buf;
     if (!(HAS(OF_MAP, places * channels, float) && HAS(MEAN, phalanges * places, float) &&
-          HAS(BOUNDS, phalanges + 1, intptr_t) && HAS(MOMENTS, channels * channels, double)))
+          HAS(BOUNDS, phalanges + 1, intptr_t) && (!transform || HAS(TRANSFORM, channels * channels, float)) &&
+          HAS(MOMENTS, channels * channels, double)))
         goto end;
-    memory = PyMem_Calloc((size_t)((channels + 1) * channels), sizeof(float));
-    if (!memory) {
+    signals = PyMem_Calloc((size_t)(2 * channels), sizeof(Lanes));
+    if (!signals) {
         PyErr_NoMemory();
         goto end;
     }
-    float *residual = memory, *sums = memory + channels;
-    for (Py_ssize_t n = 0; n < states && n < places; n++) {
-        if (!(weights[n] > least)) continue;
-        const float *of_map = (const float *)a[OF_MAP].buf + n * channels;
+    Lanes *residual = transform ? signals + channels : signals;
+    memset(moments, 0, (size_t)(channels * channels) * sizeof(double));
+    for (Py_ssize_t n = 0; n < states && n < places;) {
+        Py_ssize_t place[LANES], lanes = 0;
+        for (; lanes < LANES && n < states && n < places; n++) {
+            if (!(weights[n] > least)) continue;
+            for (Py_ssize_t c = 0; c < channels; c++) signals[c][lanes] = of_map[n * channels + c];
+            place[lanes++] = n;
+        }
+        if (transform) transformed(signals, transform, channels, residual);
         for (Py_ssize_t f = 0; f < phalanges; f++) {
-            const float variance = spread[f * nodes + node_of[n]] + level[f], gain = mean[f * places + n];
-            const intptr_t begin = bounds[f], end = bounds[f + 1];
-            float squared = 0.0f;
-            for (intptr_t c = begin; c < end; c++) {
-                residual[c] = strain[c] - gain * of_map[c];
-                squared += residual[c] * residual[c];
+            const Py_ssize_t begin = bounds[f], end = bounds[f + 1];
+            Lanes of_mean = {0}, variance, weight = {0}, squared = {0};
+            for (int k = 0; k < LANES; k++) variance[k] = 1.0f;
+            for (Py_ssize_t k = 0; k < lanes; k++) {
+                of_mean[k] = mean[f * places + place[k]];
+                variance[k] = spread[f * nodes + node_of[place[k]]] + level[f];
+                weight[k] = (float)weights[place[k]];
             }
-            squared /= variance * (float)(end - begin);
-            const float bound = squared > largest ? largest / squared : 1.0f;
-            add_square(residual + begin, (float)weights[n] / variance * bound, end - begin,
-                       sums + begin * (channels + 1), channels);
+            for (Py_ssize_t c = begin; c < end; c++) {
+                for (int k = 0; k < LANES; k++) {
+                    residual[c][k] = strain[c] - of_mean[k] * residual[c][k];
+                    squared[k] += residual[c][k] * residual[c][k];
+                }
+            }
+            for (int k = 0; k < LANES; k++) {
+                const float mean_square = squared[k] / (variance[k] * (float)(end - begin));
+                weight[k] *= (mean_square > largest ? largest / mean_square : 1.0f) / variance[k];
+            }
+            add_moments(residual + begin, weight, end - begin, moments + begin * (channels + 1), channels);
         }
     }
-    for (Py_ssize_t k = 0; k < channels * channels; k++) moments[k] = (double)sums[k];
 end:
-    PyMem_Free(memory);
+    PyMem_Free(signals);
     release(a, ALL);
     if (PyErr_Occurred()) return NULL;
     Py_RETURN_NONE;
@@ -584,7 +695,9 @@ static PyObject *probability_within(PyObject *self, PyObject *args)
 
 static PyMethodDef METHODS[] = {
     {"map_at", map_at, METH_VARARGS, "Nodes nearest to places, and the strain there."},
+    {"living", living, METH_VARARGS, "Cells of a grid that have weight, and from which of those before they moved."},
     {"follow", follow, METH_VARARGS, "What is known along trajectories, of what was along their ancestors."},
+    {"anchors", anchors, METH_VARARGS, "Where the anchors are after a motion, and which of them left at a bound."},
     {"drift", drift, METH_VARARGS, "What of a strain and of the map their trends do not predict, and trends after it."},
     {"on_map", on_map, METH_VARARGS, "Likelihoods of a strain at places of the map."},
     {"scatter", scatter, METH_VARARGS, "Second moments of the residuals of a strain from the map."},

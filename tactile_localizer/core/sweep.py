@@ -138,9 +138,10 @@ class Sweep(NamedTuple):
         gain = self.gain.predicted(travel, model.gain_variance)
         there, felt = Places(nodes, states, innovation.of_map, gain), model.felt(innovation, used)
         forced, scattered = self._under_its_conditions(strain)
-        on_map = in_sweep = forced.on_map(felt if forced is model else forced.felt(innovation, used), there)
+        by_force = felt if forced is model else forced.felt(innovation, used)
+        on_map = in_sweep = forced.on_map(by_force, there, exponent)
         if scattered is not forced:
-            in_sweep = scattered.on_map(scattered.felt(innovation, used), there)
+            in_sweep = scattered.on_map(scattered.felt(innovation, used), there, exponent)
         off_map, level_variance = forced.off_map(innovation)
         other, strength_weights = forced.other.update(
             self.strength_weights, off_map, level_variance, used, travel, exponent
@@ -153,7 +154,7 @@ class Sweep(NamedTuple):
         after = Sweep(
             model,
             trend,
-            gain.updated(in_sweep.information, in_sweep.product, exponent),
+            in_sweep.gain,
             self.scatter.after(moments, used, share, measurements),
             strength_weights,
             self.strains + 1,

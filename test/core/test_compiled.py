@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.scans import scene
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core import compiled
+from tactile_localizer.core.filters.living import Living
+from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.hypotheses.convergence import Ellipsoid
 from tactile_localizer.core.likelihood.ancestry import Ancestry
 from tactile_localizer.core.likelihood.drift import Drift, Trend
@@ -80,7 +83,7 @@ def test_likelihoods_on_the_map_are_those_of_numpy(
     """With and without other noise than in the scan, of phalanges or of all together; some do not count."""
     rng = np.random.default_rng(seed)
     model = MapLikelihood(random_map(rng, layout, 9, size=signal), layout)
-    states, places, phalanges = int(rng.integers(0, 12)), 15, layout.phalanges
+    states, places, phalanges = int(rng.integers(0, 120)), 130, layout.phalanges
     within = np.equal.outer(layout.phalanx, layout.phalanx) if flags & 2 else True
     triangle = rng.uniform(0.0, 0.2, (layout.size,) * 2) * within * np.tri(layout.size).T
     transform = (np.eye(layout.size) + triangle).astype(np.float32) if flags & 1 else None
@@ -88,14 +91,14 @@ def test_likelihoods_on_the_map_are_those_of_numpy(
     nodes, of_map = model.expected(rng.uniform(-1.0, 1.0, (places, 1)))
     gain = Gain(*rng.uniform(0.05, 1.0, (2, phalanges, places)).astype(np.float32))
     strain = (of_map[0] + size * rng.standard_normal(layout.size)).astype(np.float32)
-    felt = Felt(strain, np.full(phalanges, level, dtype=np.float32), transform, used)
-    names = ("states", "anchors", "information", "product")
+    felt = Felt(strain, transform, np.full(phalanges, level, dtype=np.float32), used)
+    names = ("states", "anchors", "gain", "variance of the gain")
     with pytest.MonkeyPatch.context() as patch, np.errstate(over="ignore"):
-        found = both(patch, lambda: model.of(felt, Places(nodes, states, of_map, gain)))
+        found = both(patch, lambda: model.of(felt, Places(nodes, states, of_map, gain), 0.4))
         for name, (one, other) in zip(names, found, strict=True):
             assert one.dtype == other.dtype, name
             assert np.isfinite(one).all(), name
-            assert name != "information" or (one >= 0.0).all(), name
+            assert name != "variance of the gain" or (one >= 0.0).all(), name
             if signal <= 100.0:  # of larger ones float32 leaves no difference from the strain
                 rough = 1e-4 + 2e-6 * signal**2  # the residual is the difference of squared signals
                 largest = np.abs(other).max(initial=1.0)
@@ -109,12 +112,12 @@ def test_moments_of_residuals_are_those_of_numpy(
     """Of states that fit and others, with and without other noise than in the scan, and of outliers."""
     rng = np.random.default_rng(seed)
     model, phalanges = MapLikelihood(random_map(rng, layout, 9), layout), layout.phalanges
-    states, places = int(rng.integers(1, 12)), 15
+    states, places = int(rng.integers(1, 160)), 170
     transform = np.triu(rng.uniform(0.5, 1.0, (layout.size,) * 2)).astype(np.float32) if flags & 1 else None
     nodes, of_map = model.expected(rng.uniform(-1.0, 1.0, (places, 1)))
     gain = Gain(*rng.uniform(0.05, 1.0, (2, phalanges, places)).astype(np.float32))
     strain = (size * rng.standard_normal(layout.size)).astype(np.float32)
-    felt = Felt(strain, np.ones(phalanges, dtype=np.float32), transform, np.ones(phalanges, dtype=bool))
+    felt = Felt(strain, transform, np.ones(phalanges, dtype=np.float32), np.ones(phalanges, dtype=bool))
     weights = rng.dirichlet(np.ones(states)) ** (8.0 if flags & 2 else 1.0)
     with pytest.MonkeyPatch.context() as patch:
         ((one, other),) = both(
@@ -132,11 +135,11 @@ def test_a_component_that_is_likelier_than_any_number_leaves_finite_likelihoods(
     one = np.ones(1)
     model = MapLikelihood(StrainMap(one, one, (1,), *tables, 0.1, np.zeros((1, 40))), layout)
     zero, used = np.zeros(40, dtype=np.float32), np.ones(1, dtype=bool)
-    felt = Felt(zero, zero[:1], None, used)
+    felt = Felt(zero, None, zero[:1], used)
     gain = Gain(np.ones((1, 1), dtype=np.float32), np.zeros((1, 1), dtype=np.float32))
     nodes, of_map = model.expected(one[:, None])
     with pytest.MonkeyPatch.context() as patch:
-        for by_module, by_numpy in both(patch, lambda: model.of(felt, Places(nodes, 1, of_map, gain))):
+        for by_module, by_numpy in both(patch, lambda: model.of(felt, Places(nodes, 1, of_map, gain), 1.0)):
             assert np.isfinite(by_module).all()
             np.testing.assert_allclose(by_module, by_numpy, rtol=1e-5)
 
@@ -173,13 +176,44 @@ def test_drifts_are_followed_as_by_numpy(
             np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5 * np.abs(other).max(initial=1.0))
 
 
+@given(seed=SEEDS, axes=st.integers(1, 3), count=st.integers(1, 40))
+def test_living_cells_are_those_of_numpy(seed: int, axes: int, count: int) -> None:
+    """Of a belief with weight in some cells, of which some were living before, and some was taken in."""
+    rng = np.random.default_rng(seed)
+    belief = rng.dirichlet(np.ones(count)) * rng.integers(0, 2, count)
+    belief[rng.integers(count)] = 0.5
+    numbers = np.where(rng.integers(0, 2, count), rng.permutation(count), -1)
+    centres, offset = rng.standard_normal((axes, count)), rng.standard_normal(axes)
+    given_cells = belief, belief * rng.random(count), numbers, centres, offset, 1e-3
+    with pytest.MonkeyPatch.context() as patch:
+        for one, other in both(patch, lambda: Living.of(*given_cells)):
+            assert one.dtype == other.dtype
+            np.testing.assert_allclose(one, other, rtol=1e-12)
+
+
+@given(seed=SEEDS, axes=st.integers(1, 3), size=st.sampled_from([0.0, 1e-3, 1.0, 1e3]))
+def test_anchors_move_as_by_numpy(seed: int, axes: int, size: float) -> None:
+    """Over several bounds as well; at the last axis of three they turn."""
+    displacements = size * np.random.default_rng(seed).standard_normal((5, axes))
+
+    def moved() -> tuple[Any, ...]:
+        anchors = Anchors(scene(axes, full_turn=axes == 3))
+        return tuple((anchors.move(each), anchors.states) for each in displacements)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for one, other in both(patch, moved):
+            assert one.dtype == other.dtype
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+
+
 @given(seed=SEEDS, shape=st.tuples(*[st.integers(1, 9)] * 3), size=SIZES)
 def test_trajectories_are_followed_as_by_numpy(seed: int, shape: tuple[int, int, int], size: float) -> None:
     rng = np.random.default_rng(seed)
     values, before, after = size * rng.standard_normal(shape).astype(np.float32), shape[1], rng.integers(9)
     weights = rng.dirichlet(np.ones(rng.integers(before) + 1))
     taken_in = np.where(rng.integers(0, 2, after), rng.random(after), rng.integers(0, 2, after))
-    ancestry = Ancestry(rng.integers(0, before, after), taken_in, weights)
+    ancestors = rng.integers(0, before, after) if rng.integers(0, 2) else np.arange(after) % before
+    ancestry = Ancestry(ancestors, taken_in, weights)
     for known in (values, values[..., 0].copy()):
         with pytest.MonkeyPatch.context() as patch:
             for one, other in both(patch, lambda known=known: ancestry.followed(known)):

@@ -108,7 +108,7 @@ def felt_at_yaw(yaw: float, weights: np.ndarray, model: SweepMixture) -> tuple[n
     innovation, trend = model.innovation(start, felt, places, expected, weights, 0.0005, 1.0)
     gain, every = Gain.start(1, len(places), model.gain_variance), np.ones(1, dtype=bool)
     there = Places(nodes, len(YAWS), innovation.of_map, gain)
-    found = model.on_map(model.felt(innovation, every), there)
+    found = model.on_map(model.felt(innovation, every), there, 1.0)
     return np.concatenate([found.states, found.anchors]), innovation, trend
 
 

@@ -136,14 +136,13 @@ class ModelByHand:
         return innovation.of_strain + 1.0, np.array([0.1, 0.2])
 
     def on_map(self, *given: Any) -> OnMap:
-        (_, used), (nodes, states, _, gain) = given
+        (_, used), (nodes, states, _, gain), exponent = given
         self._note("on_map", gain, used)
         information = np.ones((2, 1), np.float32) * np.arange(len(nodes), dtype=np.float32)
         return OnMap(
             (ON_MAP if self.covariance is None else SCATTERED).copy(),
             np.full(len(nodes) - states, self.at_anchors),
-            information,
-            -0.5 * information,
+            gain.updated(information, -0.5 * information, exponent),
         )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.filters.living import Living
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.lattice import flatten_axes
 from tactile_localizer.core.weights import bayes, effective_sample_size, moments
@@ -55,8 +56,8 @@ class GridFilter:
         self._belief: np.ndarray
         self._offset: list[float]
         self._pending: list[float]
-        self._alive: np.ndarray
-        self._states: np.ndarray
+        self._numbers: np.ndarray
+        self._living: Living
         self._weights: np.ndarray
         self.reset()
 
@@ -76,13 +77,12 @@ class GridFilter:
 
     def predict(self, displacement: np.ndarray, travel: float, injected: float = 0.0) -> Prediction:
         """See :meth:`.BayesFilter.predict`; diffusion between cells does not change a cell's ancestor."""
-        before, shifted, left = self._alive, [0] * len(self._shape), 1.0
+        shifted, left = [0] * len(self._shape), 1.0
         along = displacement.tolist()
         if self._turns:
             along = np.where(self._wraps, wrap_angle(displacement), displacement).tolist()
         if any(abs(each) > extent for each, extent in zip(along, self._extent, strict=True)):
             self._place(np.ones(self._shape))
-            before = before[:0]
         else:
             belief = self._belief
             # Of a few numbers, a loop is several times faster than arrays.
@@ -93,6 +93,7 @@ class GridFilter:
                 self._pending[axis] += travel * rate
             if any(shifted):
                 belief = self._moved(belief, shifted, 0.0)
+                self._numbers = self._moved(self._numbers, shifted, -1)
             for axis, variance in enumerate(self._pending):
                 if variance >= _WORTH_DIFFUSING:
                     belief = self._diffused(belief, axis, variance)
@@ -103,27 +104,22 @@ class GridFilter:
             kept_cells = (1.0 - injected) * cells
             cells = kept_cells + injected / self._size
             self._belief = cells.reshape(self._shape)
-        self._alive = self._living(cells)
-        alive = cells.take(self._alive)
-        states = self._unmoved_states.take(self._alive, axis=1)
-        states += np.array(self._offset)[:, None]
-        # What has next to no weight is dropped.
-        self._states, self._weights = states.T, alive / np.add.reduce(alive)
-        ancestors = self._ancestors(before, shifted)
-        continued = np.where(ancestors < 0, 0.0, kept_cells.take(self._alive) / alive)
-        return Prediction(self._states, self._weights, np.maximum(ancestors, 0), continued, left)
+        offset, least = np.array(self._offset), _NEGLIGIBLE / self._size
+        of = Living.of(cells, kept_cells, self._numbers.ravel(), self._unmoved_states, offset, least)
+        self._living, self._weights, self._numbers = of, of.weights, of.numbers.reshape(self._shape)
+        return Prediction(of.states.T, of.weights, of.ancestors, of.continued, left)
 
     def update(self, log_likelihood: np.ndarray) -> Belief:
         """See :meth:`.BayesFilter.update`; the spread within a cell counts."""
         self._weights, log_marginal = bayes(self._weights, log_likelihood)
         belief = np.zeros(self._size)
-        belief[self._alive] = self._weights
+        belief[self._living.cells] = self._weights
         self._belief = belief.reshape(self._shape)
-        mean, covariance = moments(self._states, self._weights, self._wraps)
+        mean, covariance = moments(self._living.states.T, self._weights, self._wraps)
         within = (1.0 / 12.0 + np.array(self._pending)) * self._squared_cell
         covariance.ravel()[:: len(within) + 1] += within
         effective = effective_sample_size(self._weights)
-        return Belief(mean, covariance, effective, len(self._alive), log_marginal)
+        return Belief(mean, covariance, effective, len(self._weights), log_marginal)
 
     def weights(self) -> np.ndarray:
         """See :meth:`.BayesFilter.weights`."""
@@ -132,7 +128,7 @@ class GridFilter:
     def hypotheses(self) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`.BayesFilter.hypotheses`."""
         cells = self._belief.ravel()
-        alive = self._living(cells)
+        alive = (cells > _NEGLIGIBLE / self._size).nonzero()[0]
         states = self._unmoved_states.take(alive, axis=1).T + np.array(self._offset)
         return states, cells[alive] / cells[alive].sum()
 
@@ -140,19 +136,7 @@ class GridFilter:
         self._belief = belief / belief.sum()
         self._offset = [0.0] * len(self._shape)
         self._pending = [0.0] * len(self._shape)
-        self._alive = np.zeros(0, dtype=np.intp)
-
-    def _living(self, cells: np.ndarray) -> np.ndarray:
-        """Indices of the cells that have weight."""
-        return (cells > _NEGLIGIBLE / self._size).nonzero()[0]
-
-    def _ancestors(self, before: np.ndarray, shifted: list[int]) -> np.ndarray:
-        """Index (P,) of the cells ``before`` from which the living ones moved; -1: of none."""
-        rows = np.full(self._shape, -1)
-        rows.ravel()[before] = np.arange(len(before))
-        if any(shifted):
-            rows = self._moved(rows, shifted, -1)
-        return rows.ravel().take(self._alive)
+        self._numbers = np.full(self._shape, -1)
 
     def _deviation(self, axis: int, place: float) -> np.ndarray:
         """Distances of the cells' centres from a place along an axis."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tactile_localizer.core import compiled
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.scene import Scene
 
@@ -47,11 +48,15 @@ class Anchors:
         """Return to where they began."""
         self._shift = np.zeros_like(self._extent)
         self._beyond = np.zeros(self._origin.shape, dtype=bool)
-        self._none = np.zeros(len(self), dtype=bool)
         self.states = (self._lower + self._origin).T
 
     def move(self, displacement: np.ndarray) -> np.ndarray:
         """Move by ``displacement`` (d,), m (yaw: rad); returns which anchors (R,) bool left at a bound."""
+        if compiled.MODULE is not None:
+            self.states, left = np.empty(self._origin.shape).T, np.empty(len(self), dtype=bool)
+            given = self._origin, displacement, self._lower, self._extent, self._ends
+            compiled.MODULE.anchors(*given, self._shift, self._beyond, self.states.T, left)
+            return left
         before, moved = self._beyond, self._shift + displacement[:, None]
         self._shift = np.mod(moved, self._extent)
         turns = np.rint((moved - self._shift) / self._extent)
@@ -59,5 +64,4 @@ class Anchors:
         # np.mod takes ten times as long.
         self._beyond = places >= self._extent
         self.states = (self._lower + (places - self._beyond * self._extent)).T
-        left = (before != self._beyond + turns) & self._ends
-        return np.logical_or.reduce(left) if np.count_nonzero(left) else self._none
+        return np.logical_or.reduce((before != self._beyond + turns) & self._ends)

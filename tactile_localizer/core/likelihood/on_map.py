@@ -79,15 +79,15 @@ class Felt(NamedTuple):
     Parameters
     ----------
     strain : (C,) float32, its innovation, whitened
-    level_variance : (F,) float32, of its level
     transform : (C, C) float32: ``of_map @ transform`` is whitened as the strain is; it is an upper triangle,
         of a sheet one for each phalanx. ``None``: the map is whitened alike
+    level_variance : (F,) float32, of its level
     used : (F,) bool, phalanges that count
     """
 
     strain: np.ndarray
-    level_variance: np.ndarray
     transform: np.ndarray | None
+    level_variance: np.ndarray
     used: np.ndarray
 
 
@@ -114,14 +114,12 @@ class OnMap(NamedTuple):
     Parameters
     ----------
     states, anchors : (P,) and (R,) log-likelihoods
-    information, product : (F, N) squared signal, and its product with the residual, over the variance; those
-        of an outlier count as by the weights of the t-distribution
+    gain : after the strain; that of an outlier counts as by the weights of the t-distribution
     """
 
     states: np.ndarray
     anchors: np.ndarray
-    information: np.ndarray
-    product: np.ndarray
+    gain: Gain
 
 
 class _Residuals(NamedTuple):
@@ -198,32 +196,28 @@ class MapLikelihood:
         compiled.MODULE.map_at(by_axis, lattice.origin, lattice.step, self._shape, table, nodes, strain)
         return nodes, strain
 
-    def of(self, felt: Felt, places: Places) -> OnMap:
-        """Likelihoods of a strain at places of the map."""
-        return self._by_numpy(felt, places) if compiled.MODULE is None else self._compiled(felt, places)
+    def of(self, felt: Felt, places: Places, exponent: float) -> OnMap:
+        """Likelihoods of a strain at places of the map, and the gain after this fraction of a measurement."""
+        compute = self._by_numpy if compiled.MODULE is None else self._compiled
+        return compute(felt, places, exponent)
 
-    def _compiled(self, felt: Felt, places: Places) -> OnMap:
+    def _compiled(self, felt: Felt, places: Places, exponent: float) -> OnMap:
         assert compiled.MODULE is not None
         nodes, states, of_map, gain = places
-        count, phalanges = len(nodes), len(felt.used)
-        likelihoods = np.empty(count)
-        information, product = np.empty((2, phalanges, count), dtype=np.float32)
-        if felt.transform is not None:
-            of_map = of_map @ felt.transform
-        there = nodes, of_map, *gain, self._bounds
-        whitened = felt.strain, felt.transform, felt.level_variance, felt.used
-        found = likelihoods, information, product
-        compiled.MODULE.on_map(*self._components[1:], *there, *whitened, DEGREES_OF_FREEDOM, states, *found)
-        return OnMap(likelihoods[:states], likelihoods[states:], information, product)
+        likelihoods, after = np.empty(len(nodes)), Gain(np.empty_like(gain.mean), np.empty_like(gain.variance))
+        there, how = (nodes, of_map, *gain, self._bounds), (DEGREES_OF_FREEDOM, exponent, states)
+        compiled.MODULE.on_map(*self._components[1:], *there, *felt, *how, likelihoods, *after)
+        return OnMap(likelihoods[:states], likelihoods[states:], after)
 
-    def _by_numpy(self, felt: Felt, places: Places) -> OnMap:
+    def _by_numpy(self, felt: Felt, places: Places, exponent: float) -> OnMap:
         states, residuals = places.states, self._residuals(felt, places)
         likelihoods, lengths = residuals.likelihoods(self._channels, felt.used)
         counted = weight(residuals.first(lengths), self._channels) / residuals.first(residuals.variance)
         information, product = (
             counted * residuals.first(each) for each in (residuals.energy, residuals.product)
         )
-        return OnMap(likelihoods[:states], likelihoods[states:], information, product)
+        after = places.gain.updated(information, product, exponent)
+        return OnMap(likelihoods[:states], likelihoods[states:], after)
 
     def moments(self, felt: Felt, places: Places, weights: np.ndarray) -> np.ndarray:
         """Second moments (C, C) of the residuals from the first components, a block per phalanx.
@@ -232,15 +226,14 @@ class MapLikelihood:
         bounded.
         """
         of_map, spread = places.of_map, self._components.spread
-        if felt.transform is not None:
-            of_map = of_map @ felt.transform
         least = _FITS * float(weights.max())
         if compiled.MODULE is not None:
             found = np.empty((of_map.shape[1],) * 2)
             there = places.nodes, of_map, places.gain.mean, self._bounds
-            whitened = felt.strain, felt.level_variance
-            compiled.MODULE.scatter(spread, *there, *whitened, weights, least, OUTLIER, found)
+            compiled.MODULE.scatter(spread, *there, *felt[:3], weights, least, OUTLIER, found)
             return found / _MEAN_SQUARE
+        if felt.transform is not None:
+            of_map = of_map @ felt.transform
         fits = np.flatnonzero(weights > least)
         variance = (spread[:-1].take(places.nodes[fits], axis=1) + felt.level_variance[:, None]).T
         gain = places.gain.mean.take(fits, axis=1).T.astype(np.float64) @ self._rows

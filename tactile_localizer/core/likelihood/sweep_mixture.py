@@ -143,11 +143,11 @@ class SweepMixture:
         if transform is not None:
             of_strain = of_strain @ transform
         level_variance = self.noise.layout.mean(innovation.level_variance).astype(np.float32)
-        return Felt(of_strain, level_variance, transform, used)
+        return Felt(of_strain, transform, level_variance, used)
 
-    def on_map(self, felt: Felt, places: Places) -> OnMap:
-        """Likelihoods of a strain at states and anchors."""
-        return self._map_likelihood.of(felt, places)
+    def on_map(self, felt: Felt, places: Places, exponent: float) -> OnMap:
+        """Likelihoods of a strain at states and anchors, and the gain after this fraction of a measurement."""
+        return self._map_likelihood.of(felt, places, exponent)
 
     def moments(self, felt: Felt, places: Places, weights: np.ndarray) -> np.ndarray:
         """Second moments (W, W) of the residuals of a strain at the states, of ``weights`` (P,).

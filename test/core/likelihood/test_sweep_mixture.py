@@ -50,7 +50,7 @@ def evaluated(
     innovation = Innovation(model.whitened(strain), expected, level)
     used = np.ones(layout.phalanges, dtype=bool) if used is None else used
     gain = gain or Gain.start(layout.phalanges, len(nodes), model.gain_variance)
-    return model.on_map(model.felt(innovation, used), Places(nodes, NODES, innovation.of_map, gain))
+    return model.on_map(model.felt(innovation, used), Places(nodes, NODES, innovation.of_map, gain), 1.0)
 
 
 def log_constant(channels: int) -> float:
@@ -167,7 +167,7 @@ def test_strains_of_another_force_teach_the_gain_that_of_the_sweep() -> None:
     gain = Gain.start(1, 2 * NODES, model.gain_variance)
     for _ in range(100):
         found = evaluated(model, model.noise.centre + 0.5 * signal, gain=gain)
-        gain = gain.updated(found.information, found.product, 1.0)
+        gain = found.gain
     assert gain.mean[0, NODES + 4] == pytest.approx(0.5, abs=0.02)
     assert found.anchors.argmax() == 4
 
