@@ -67,7 +67,7 @@ static PyObject *map_at(PyObject *self, PyObject *args)
 /* living(cells d (N,), kept d (N,): of the cells, what was not taken in; number_of n (N,): that of each cell before, or -1;
  *        centres d (d, N), offset d (d,), the least weight that counts;
  *        alive n (N,), states d (d, N), weights d (N,), ancestors n (N,), continued d (N,), next number_of n (N,)): P,
- *        the number of living cells, of which the outputs have that many values (of an axis), but for the last
+ *        the number of living cells; the outputs begin with theirs, P or (d, P), but for the last
  */
 static PyObject *living(PyObject *self, PyObject *args)
 {
@@ -107,58 +107,61 @@ static PyObject *living(PyObject *self, PyObject *args)
     for (Py_ssize_t k = 0; k < found; k++) weights[k] /= total;
     for (Py_ssize_t axis = 0; axis < axes; axis++)
         for (Py_ssize_t k = 0; k < found; k++)
-            states[axis * count + k] = centres[axis * count + alive[k]] + offset[axis];
+            states[axis * found + k] = centres[axis * count + alive[k]] + offset[axis];
     release(a, ALL);
     return fits ? PyLong_FromSsize_t(found) : NULL;
 }
 
-/* Rows (M, C) of what is known along trajectories, of those (N, C) before, among them the first of P states. */
-static void follow_rows(const float *restrict before, Py_ssize_t channels, const intptr_t *ancestors,
-                        const double *taken_in, Py_ssize_t after, const double *weights, Py_ssize_t states,
-                        float *restrict mean, float *restrict found)
+/* Mean of rows (P, C) with weights (P,). */
+static void mean_row(const float *restrict rows, Py_ssize_t channels, const double *restrict weights, Py_ssize_t count,
+                     float *restrict mean)
 {
-    memset(mean, 0, (size_t)channels * sizeof(float));
-    for (Py_ssize_t n = 0; n < states; n++) {
-        const float weight = (float)weights[n];
-        for (Py_ssize_t c = 0; c < channels; c++) mean[c] += weight * before[n * channels + c];
-    }
-    for (Py_ssize_t m = 0, next; m < after; m = next) {
-        const float *own = before + ancestors[m] * channels, share = (float)taken_in[m];
-        next = m + 1;
-        if (share == 0.0f) { /* of most, and of neighbours the ancestors are neighbours: copied together */
-            while (next < after && taken_in[next] == 0.0 && ancestors[next] == ancestors[m] + (next - m)) next++;
-            memcpy(found + m * channels, own, (size_t)((next - m) * channels) * sizeof(float));
-        } else {
-            for (Py_ssize_t c = 0; c < channels; c++)
-                found[m * channels + c] = (1.0f - share) * own[c] + share * mean[c];
+    enum { TOGETHER = 8 };
+    for (Py_ssize_t begin = 0; begin < channels; begin += TOGETHER) {
+        const Py_ssize_t width = channels - begin < TOGETHER ? channels - begin : TOGETHER;
+        float sums[TOGETHER] = {0};
+        for (Py_ssize_t n = 0; n < count; n++) {
+            const float *row = rows + n * channels + begin, weight = (float)weights[n];
+            if (width == TOGETHER)
+                for (int c = 0; c < TOGETHER; c++) sums[c] += weight * row[c];
+            else
+                for (Py_ssize_t c = 0; c < width; c++) sums[c] += weight * row[c];
         }
+        memcpy(mean + begin, sums, (size_t)width * sizeof(float));
     }
 }
 
-/* follow(K, values f (K, N, C), ancestors n (M,), taken_in d (M,), weights d (P,); found f (K, M, C)) */
+/* Of what is known before (C,) of a trajectory, and of the mean (C,), to which it came to a share from anywhere. */
+static void blend(const float *restrict before, const float *restrict mean, float share, Py_ssize_t channels,
+                  float *restrict found)
+{
+    for (Py_ssize_t c = 0; c < channels; c++) found[c] = (1.0f - share) * before[c] + share * mean[c];
+}
+
+/* follow(K, values f (K, Q + R, C), ancestors n (P,), continued d (P,), placed d (R,), weights d (Q,);
+ *        found f (K, P + R, C))
+ */
 static PyObject *follow(PyObject *self, PyObject *args)
 {
-    enum { VALUES, ANCESTORS, TAKEN_IN, WEIGHTS, FOUND, ALL };
+    enum { VALUES, ANCESTORS, CONTINUED, PLACED, WEIGHTS, FOUND, ALL };
     Py_buffer a[ALL] = {{0}};
     Py_ssize_t kinds;
     float *mean = NULL;
     (void)self;
-    if (!PyArg_ParseTuple(args, "ny*y*y*y*w*", &kinds, &a[VALUES], &a[ANCESTORS], &a[TAKEN_IN], &a[WEIGHTS],
-                          &a[FOUND]))
+    if (!PyArg_ParseTuple(args, "ny*y*y*y*y*w*", &kinds, &a[VALUES], &a[ANCESTORS], &a[CONTINUED], &a[PLACED],
+                          &a[WEIGHTS], &a[FOUND]))
         return NULL;
-    const Py_ssize_t after = COUNT(a[ANCESTORS], intptr_t), states = COUNT(a[WEIGHTS], double);
+    const Py_ssize_t states = COUNT(a[ANCESTORS], intptr_t), anchors = COUNT(a[PLACED], double);
+    const Py_ssize_t states_before = COUNT(a[WEIGHTS], double);
+    const Py_ssize_t before = states_before + anchors, after = states + anchors;
     const Py_ssize_t channels = kinds * after > 0 ? COUNT(a[FOUND], float) / (kinds * after) : 0;
-    const Py_ssize_t before = kinds * channels > 0 ? COUNT(a[VALUES], float) / (kinds * channels) : 0;
     const intptr_t *ancestors = a[ANCESTORS].buf;
+    const double *continued = a[CONTINUED].buf, *placed = a[PLACED].buf;
+    if (!(HAS(CONTINUED, states, double) && HAS(FOUND, kinds * after * channels, float))) goto end;
     if (after && !HAS(VALUES, kinds * before * channels, float)) goto end;
-    if (!(HAS(TAKEN_IN, after, double) && HAS(FOUND, kinds * after * channels, float))) goto end;
-    if (after && states > before) {
-        PyErr_Format(PyExc_ValueError, "weights: expected at most %zd, got %zd", before, states);
-        goto end;
-    }
-    for (Py_ssize_t m = 0; m < after; m++) {
-        if (ancestors[m] >= 0 && ancestors[m] < before) continue;
-        PyErr_Format(PyExc_ValueError, "ancestors: expected numbers below %zd, got %zd", before, ancestors[m]);
+    for (Py_ssize_t m = 0; m < states; m++) {
+        if (ancestors[m] >= 0 && ancestors[m] < states_before) continue;
+        PyErr_Format(PyExc_ValueError, "ancestors: expected numbers below %zd, got %zd", states_before, ancestors[m]);
         goto end;
     }
     mean = PyMem_Malloc((size_t)channels * sizeof(float));
@@ -166,9 +169,27 @@ static PyObject *follow(PyObject *self, PyObject *args)
         PyErr_NoMemory();
         goto end;
     }
-    for (Py_ssize_t k = 0; after && k < kinds; k++)
-        follow_rows((const float *)a[VALUES].buf + k * before * channels, channels, ancestors, a[TAKEN_IN].buf, after,
-                    a[WEIGHTS].buf, states, mean, (float *)a[FOUND].buf + k * after * channels);
+    for (Py_ssize_t k = 0; after && k < kinds; k++) {
+        const float *values = (const float *)a[VALUES].buf + k * before * channels;
+        float *found = (float *)a[FOUND].buf + k * after * channels;
+        mean_row(values, channels, a[WEIGHTS].buf, states_before, mean);
+        for (Py_ssize_t m = 0, next; m < states; m = next) {
+            const float *own = values + ancestors[m] * channels;
+            next = m + 1;
+            if (continued[m] == 1.0) { /* as of most: neighbours come from neighbours, and are copied together */
+                while (next < states && continued[next] == 1.0 && ancestors[next] == ancestors[m] + (next - m)) next++;
+                memcpy(found + m * channels, own, (size_t)((next - m) * channels) * sizeof(float));
+            } else {
+                blend(own, mean, (float)(1.0 - continued[m]), channels, found + m * channels);
+            }
+        }
+        const float *of_anchors = values + states_before * channels;
+        float *found_of = found + states * channels;
+        for (Py_ssize_t r = 0; channels == 1 && r < anchors; r++) /* the same, but vectors */
+            found_of[r] = (1.0f - (float)placed[r]) * of_anchors[r] + (float)placed[r] * mean[0];
+        for (Py_ssize_t r = 0; channels > 1 && r < anchors; r++)
+            blend(of_anchors + r * channels, mean, (float)placed[r], channels, found_of + r * channels);
+    }
 end:
     PyMem_Free(mean);
     release(a, ALL);
@@ -380,43 +401,41 @@ static void densities(const Residuals *restrict of, const float *restrict gain, 
 }
 
 /* on_map(spread f (F + 1, M), counts n (M,), starts n (M,), away f (n, C), other_spread f (F + 1, n): components;
- *        nodes n (N,), of_map f (N, C), mean f (F, N), gain f (F, N): of the places;
+ *        nodes n (N,), of_map f (N, C), gain f (2, F, N), its mean and variance: of the places;
  *        bounds n (F + 1,): first channel of each phalanx;
  *        strain f (C,), transform f (C, C) that whitens rows as the strain, an upper triangle, or None,
  *        level f (F,), used bool (F,): of the strain;
  *        degrees of freedom, exponent, number of states;
- *        likelihoods d (N,), mean f (F, N), gain f (F, N): of the places after the strain)
+ *        likelihoods d (N,), gain f (2, F, N) after the strain)
  */
 static PyObject *on_map(PyObject *self, PyObject *args)
 {
-    enum { SPREAD, COUNTS, STARTS, AWAY, OTHER_SPREAD, NODES, OF_MAP, MEAN, GAIN, BOUNDS, STRAIN, TRANSFORM, LEVEL,
-           USED, LIKELIHOODS, NEXT_MEAN, NEXT_GAIN, ALL };
+    enum { SPREAD, COUNTS, STARTS, AWAY, OTHER_SPREAD, NODES, OF_MAP, GAIN, BOUNDS, STRAIN, TRANSFORM, LEVEL, USED,
+           LIKELIHOODS, NEXT_GAIN, ALL };
     Py_buffer a[ALL] = {{0}};
     Py_ssize_t states;
     float degrees, exponent;
     (void)self;
-    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*y*y*y*z*y*y*ffnw*w*w*", &a[SPREAD], &a[COUNTS], &a[STARTS], &a[AWAY],
-                          &a[OTHER_SPREAD], &a[NODES], &a[OF_MAP], &a[MEAN], &a[GAIN], &a[BOUNDS], &a[STRAIN],
-                          &a[TRANSFORM], &a[LEVEL], &a[USED], &degrees, &exponent, &states, &a[LIKELIHOODS],
-                          &a[NEXT_MEAN], &a[NEXT_GAIN]))
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*y*y*z*y*y*ffnw*w*", &a[SPREAD], &a[COUNTS], &a[STARTS], &a[AWAY],
+                          &a[OTHER_SPREAD], &a[NODES], &a[OF_MAP], &a[GAIN], &a[BOUNDS], &a[STRAIN], &a[TRANSFORM],
+                          &a[LEVEL], &a[USED], &degrees, &exponent, &states, &a[LIKELIHOODS], &a[NEXT_GAIN]))
         return NULL;
     const Py_ssize_t phalanges = COUNT(a[LEVEL], float), channels = COUNT(a[STRAIN], float);
     const Py_ssize_t places = COUNT(a[NODES], intptr_t), nodes = COUNT(a[COUNTS], intptr_t);
     const Py_ssize_t all_others = COUNT(a[OTHER_SPREAD], float) / (phalanges + 1);
     const float *spread = a[SPREAD].buf, *other_spread = a[OTHER_SPREAD].buf, *away = a[AWAY].buf;
-    const float *of_map = a[OF_MAP].buf, *mean = a[MEAN].buf, *gain = a[GAIN].buf;
+    const float *of_map = a[OF_MAP].buf, *mean = a[GAIN].buf, *gain = mean + phalanges * places;
     const float *strain = a[STRAIN].buf, *transform = a[TRANSFORM].buf, *level = a[LEVEL].buf;
     const intptr_t *counts = a[COUNTS].buf, *starts = a[STARTS].buf, *node_of = a[NODES].buf, *bounds = a[BOUNDS].buf;
     const char *used = a[USED].buf;
     double *likelihoods = a[LIKELIHOODS].buf, *densities_of_first = NULL;
-    float *next_mean = a[NEXT_MEAN].buf, *next_gain = a[NEXT_GAIN].buf;
+    float *next_mean = a[NEXT_GAIN].buf, *next_gain = next_mean + phalanges * places;
     Lanes *signals = NULL;
     if (!(HAS(SPREAD, (phalanges + 1) * nodes, float) && HAS(STARTS, nodes, intptr_t) &&
           HAS(AWAY, all_others * channels, float) && HAS(OF_MAP, places * channels, float) &&
-          HAS(MEAN, phalanges * places, float) && HAS(GAIN, phalanges * places, float) &&
-          HAS(BOUNDS, phalanges + 1, intptr_t) && (!transform || HAS(TRANSFORM, channels * channels, float)) &&
-          HAS(USED, phalanges, char) && HAS(LIKELIHOODS, places, double) &&
-          HAS(NEXT_MEAN, phalanges * places, float) && HAS(NEXT_GAIN, phalanges * places, float)))
+          HAS(GAIN, 2 * phalanges * places, float) && HAS(BOUNDS, phalanges + 1, intptr_t) &&
+          (!transform || HAS(TRANSFORM, channels * channels, float)) && HAS(USED, phalanges, char) &&
+          HAS(LIKELIHOODS, places, double) && HAS(NEXT_GAIN, 2 * phalanges * places, float)))
         goto end;
     signals = PyMem_Calloc((size_t)(2 * channels), sizeof(Lanes));
     densities_of_first = PyMem_Malloc((size_t)(2 * phalanges * places) * sizeof(double));
@@ -497,31 +516,31 @@ static void add_moments(const Lanes *restrict residual, const float *restrict we
     }
 }
 
-/* scatter(spread f (F + 1, M): first components; nodes n (N,), of_map f (N, C), mean f (F, N): of the places;
+/* scatter(spread f (F + 1, M): first components; nodes n (N,), of_map f (N, C), gain f (2, F, N): of the places;
  *         bounds n (F + 1,); strain f (C,), transform f (C, C) or None, level f (F,): of the strain, as of on_map;
  *         weights d (P,) of the states, the least that counts, in variances the largest mean square;
  *         moments d (C, C), a block per phalanx)
  */
 static PyObject *scatter(PyObject *self, PyObject *args)
 {
-    enum { SPREAD, NODES, OF_MAP, MEAN, BOUNDS, STRAIN, TRANSFORM, LEVEL, WEIGHTS, MOMENTS, ALL };
+    enum { SPREAD, NODES, OF_MAP, GAIN, BOUNDS, STRAIN, TRANSFORM, LEVEL, WEIGHTS, MOMENTS, ALL };
     Py_buffer a[ALL] = {{0}};
     double least;
     float largest;
     Lanes *signals = NULL;
     (void)self;
-    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*z*y*y*dfw*", &a[SPREAD], &a[NODES], &a[OF_MAP], &a[MEAN], &a[BOUNDS],
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*z*y*y*dfw*", &a[SPREAD], &a[NODES], &a[OF_MAP], &a[GAIN], &a[BOUNDS],
                           &a[STRAIN], &a[TRANSFORM], &a[LEVEL], &a[WEIGHTS], &least, &largest, &a[MOMENTS]))
         return NULL;
     const Py_ssize_t phalanges = COUNT(a[LEVEL], float), channels = COUNT(a[STRAIN], float);
     const Py_ssize_t places = COUNT(a[NODES], intptr_t), states = COUNT(a[WEIGHTS], double);
     const Py_ssize_t nodes = COUNT(a[SPREAD], float) / (phalanges + 1);
-    const float *spread = a[SPREAD].buf, *of_map = a[OF_MAP].buf, *mean = a[MEAN].buf;
+    const float *spread = a[SPREAD].buf, *of_map = a[OF_MAP].buf, *mean = a[GAIN].buf;
     const float *strain = a[STRAIN].buf, *transform = a[TRANSFORM].buf, *level = a[LEVEL].buf;
     const intptr_t *node_of = a[NODES].buf, *bounds = a[BOUNDS].buf;
     const double *weights = a[WEIGHTS].buf;
     double *moments = a[MOMENTS].buf;
-    if (!(HAS(OF_MAP, places * channels, float) && HAS(MEAN, phalanges * places, float) &&
+    if (!(HAS(OF_MAP, places * channels, float) && HAS(GAIN, 2 * phalanges * places, float) &&
           HAS(BOUNDS, phalanges + 1, intptr_t) && (!transform || HAS(TRANSFORM, channels * channels, float)) &&
           HAS(MOMENTS, channels * channels, double)))
         goto end;
@@ -566,6 +585,45 @@ end:
     PyMem_Free(signals);
     release(a, ALL);
     if (PyErr_Occurred()) return NULL;
+    Py_RETURN_NONE;
+}
+
+/* average(before d (C, C), moments d (C, C), bounds n (F + 1,), used bool (F,), share of the moments;
+ *         after d (C, C), and of each phalanx the mean variance d (F,), and the root of the sum of squares d (F,))
+ */
+static PyObject *average(PyObject *self, PyObject *args)
+{
+    enum { BEFORE, MOMENTS, BOUNDS, USED, AFTER, VARIANCE, MOST, ALL };
+    Py_buffer a[ALL] = {{0}};
+    double share;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*dw*w*w*", &a[BEFORE], &a[MOMENTS], &a[BOUNDS], &a[USED], &share, &a[AFTER],
+                          &a[VARIANCE], &a[MOST]))
+        return NULL;
+    const Py_ssize_t phalanges = COUNT(a[USED], char);
+    const intptr_t *bounds = a[BOUNDS].buf;
+    const Py_ssize_t channels = HAS(BOUNDS, phalanges + 1, intptr_t) ? bounds[phalanges] : 0;
+    const double *before = a[BEFORE].buf, *moments = a[MOMENTS].buf;
+    double *after = a[AFTER].buf;
+    const bool fits = !PyErr_Occurred() && HAS(BEFORE, channels * channels, double) &&
+                      HAS(MOMENTS, channels * channels, double) && HAS(AFTER, channels * channels, double) &&
+                      HAS(VARIANCE, phalanges, double) && HAS(MOST, phalanges, double);
+    for (Py_ssize_t f = 0; fits && f < phalanges; f++) {
+        const double counted = ((const char *)a[USED].buf)[f] ? share : 0.0;
+        double trace = 0.0, squares = 0.0;
+        for (intptr_t row = bounds[f]; row < bounds[f + 1]; row++) {
+            for (Py_ssize_t c = 0; c < channels; c++) {
+                const Py_ssize_t at = row * channels + c;
+                after[at] = before[at] + counted * (moments[at] - before[at]);
+                squares += after[at] * after[at];
+            }
+            trace += after[row * channels + row];
+        }
+        ((double *)a[VARIANCE].buf)[f] = trace / (double)(bounds[f + 1] - bounds[f]);
+        ((double *)a[MOST].buf)[f] = sqrt(squares);
+    }
+    release(a, ALL);
+    if (!fits) return NULL;
     Py_RETURN_NONE;
 }
 
@@ -661,6 +719,49 @@ static PyObject *bayes(PyObject *self, PyObject *args)
     return fits ? PyFloat_FromDouble(peak) : NULL;
 }
 
+static const double PI = 3.14159265358979323846;
+
+/* moments(states d (d, P), weights d (P,), wraps bool (d,); mean d (d,), covariance d (d, d)) */
+static PyObject *moments(PyObject *self, PyObject *args)
+{
+    enum { STATES, WEIGHTS, WRAPS, MEAN, COVARIANCE, ALL };
+    Py_buffer a[ALL] = {{0}};
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*w*w*", &a[STATES], &a[WEIGHTS], &a[WRAPS], &a[MEAN], &a[COVARIANCE]))
+        return NULL;
+    const Py_ssize_t axes = COUNT(a[WRAPS], char), count = COUNT(a[WEIGHTS], double);
+    const double *weights = a[WEIGHTS].buf, *states = a[STATES].buf;
+    double *mean = a[MEAN].buf, *covariance = a[COVARIANCE].buf;
+    double *deviation = PyMem_Malloc((size_t)(axes * count) * sizeof(double));
+    if (!deviation) PyErr_NoMemory();
+    const bool fits = deviation && HAS(STATES, axes * count, double) && HAS(MEAN, axes, double) &&
+                      HAS(COVARIANCE, axes * axes, double);
+    for (Py_ssize_t axis = 0; fits && axis < axes; axis++) {
+        const bool turns = ((const char *)a[WRAPS].buf)[axis];
+        const double *along = states + axis * count;
+        double *from_mean = deviation + axis * count, sum = 0.0, sine = 0.0, cosine = 0.0;
+        if (turns) {
+            for (Py_ssize_t n = 0; n < count; n++) sine += weights[n] * sin(along[n]), cosine += weights[n] * cos(along[n]);
+        } else {
+            for (Py_ssize_t n = 0; n < count; n++) sum += weights[n] * along[n];
+        }
+        mean[axis] = turns ? atan2(sine, cosine) : sum;
+        for (Py_ssize_t n = 0; n < count; n++) from_mean[n] = along[n] - mean[axis];
+        for (Py_ssize_t n = 0; turns && n < count; n++)
+            from_mean[n] -= 2.0 * PI * floor((from_mean[n] + PI) / (2.0 * PI));
+        for (Py_ssize_t other = 0; other <= axis; other++) {
+            const double *from_other = deviation + other * count;
+            double product = 0.0;
+            for (Py_ssize_t n = 0; n < count; n++) product += weights[n] * (from_mean[n] * from_other[n]);
+            covariance[axis * axes + other] = covariance[other * axes + axis] = product;
+        }
+    }
+    PyMem_Free(deviation);
+    release(a, ALL);
+    if (!fits) return NULL;
+    Py_RETURN_NONE;
+}
+
 /* probability_within(away d (d, P), radius d (d,), sums d (3,), factors d (3, d), reach, weights d (P,)) */
 static PyObject *probability_within(PyObject *self, PyObject *args)
 {
@@ -701,8 +802,10 @@ static PyMethodDef METHODS[] = {
     {"drift", drift, METH_VARARGS, "What of a strain and of the map their trends do not predict, and trends after it."},
     {"on_map", on_map, METH_VARARGS, "Likelihoods of a strain at places of the map."},
     {"scatter", scatter, METH_VARARGS, "Second moments of the residuals of a strain from the map."},
+    {"average", average, METH_VARARGS, "Second moments averaged over strains, and what is large of them."},
     {"off_map", off_map, METH_VARARGS, "Log-likelihood of a strain on other material, and the weights after it."},
     {"bayes", bayes, METH_VARARGS, "Weights after a measurement, and the logarithm of its likelihood."},
+    {"moments", moments, METH_VARARGS, "Mean and covariance of weighted states."},
     {"probability_within", probability_within, METH_VARARGS, "Probability that the hand is within an ellipsoid."},
     {NULL, NULL, 0, NULL},
 };

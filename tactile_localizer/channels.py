@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -44,10 +45,14 @@ class ChannelLayout:
         return np.array(self.counts)
 
     @cached_property
+    def bounds(self) -> np.ndarray:
+        """First element of each phalanx, and the end of the last, (F + 1,) int."""
+        return np.cumsum([0, *self.counts], dtype=np.intp)
+
+    @cached_property
     def slices(self) -> tuple[slice, ...]:
         """Elements of the strain vector that belong to each phalanx."""
-        ends = np.cumsum(self.counts).tolist()
-        return tuple(slice(end - count, end) for end, count in zip(ends, self.counts, strict=True))
+        return tuple(slice(*ends) for ends in pairwise(self.bounds.tolist()))
 
     @cached_property
     def phalanx(self) -> np.ndarray:
@@ -56,7 +61,7 @@ class ChannelLayout:
 
     @cached_property
     def _starts(self) -> np.ndarray:
-        return np.array([part.start for part in self.slices])
+        return self.bounds[:-1]
 
     def expand(self, values: np.ndarray) -> np.ndarray:
         """Repeat one value per phalanx, (..., F), for each of its channels, (..., C)."""

@@ -78,12 +78,7 @@ class Sweep(NamedTuple):
         ``weights`` (P,) are of the states before, and ``placed`` (R,) is the fraction of the weight of each
         anchor that was placed there, from anywhere.
         """
-        anchors = np.arange(len(weights), self.trend.of_map.shape[1])
-        ancestry = Ancestry(
-            np.concatenate([prediction.ancestors, anchors]),
-            np.concatenate([1.0 - prediction.continued, placed]),
-            weights,
-        )
+        ancestry = Ancestry(prediction.ancestors, prediction.continued, placed, weights)
         return self._replace(trend=self.trend.followed(ancestry), gain=self.gain.followed(ancestry))
 
     def set_down(self) -> Sweep:

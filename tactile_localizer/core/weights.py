@@ -56,6 +56,11 @@ def moments(states: np.ndarray, weights: np.ndarray, wraps: np.ndarray) -> tuple
     mean : (d,)
     covariance : (d, d)
     """
+    if compiled.MODULE is not None:
+        axes = len(wraps)
+        mean, covariance = np.empty(axes), np.empty((axes, axes))
+        compiled.MODULE.moments(np.ascontiguousarray(states.T), weights, wraps, mean, covariance)
+        return mean, covariance
     mean, turns = weights @ states, np.count_nonzero(wraps) > 0
     if turns:
         angles = states[:, wraps]

@@ -19,8 +19,10 @@ from tactile_localizer.core.likelihood.drift import Drift, Trend
 from tactile_localizer.core.likelihood.gain import Gain
 from tactile_localizer.core.likelihood.on_map import Felt, MapLikelihood, Places
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
+from tactile_localizer.core.likelihood.scatter import Scatter
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.weights import bayes
+from tactile_localizer.core.weights import moments as mean_and_covariance
 
 SEEDS = st.integers(0, 2**32 - 1)
 LAYOUTS = st.sampled_from([ChannelLayout(counts) for counts in ((8, 8), (3, 5, 1), (1,), (40, 2), (8,) * 14)])
@@ -89,16 +91,16 @@ def test_likelihoods_on_the_map_are_those_of_numpy(
     transform = (np.eye(layout.size) + triangle).astype(np.float32) if flags & 1 else None
     used = rng.integers(0, 2, phalanges).astype(bool) if flags & 4 else np.ones(phalanges, dtype=bool)
     nodes, of_map = model.expected(rng.uniform(-1.0, 1.0, (places, 1)))
-    gain = Gain(*rng.uniform(0.05, 1.0, (2, phalanges, places)).astype(np.float32))
+    gain = Gain(rng.uniform(0.05, 1.0, (2, phalanges, places)).astype(np.float32))
     strain = (of_map[0] + size * rng.standard_normal(layout.size)).astype(np.float32)
     felt = Felt(strain, transform, np.full(phalanges, level, dtype=np.float32), used)
-    names = ("states", "anchors", "gain", "variance of the gain")
+    names = ("states", "anchors", "gain")
     with pytest.MonkeyPatch.context() as patch, np.errstate(over="ignore"):
         found = both(patch, lambda: model.of(felt, Places(nodes, states, of_map, gain), 0.4))
         for name, (one, other) in zip(names, found, strict=True):
             assert one.dtype == other.dtype, name
             assert np.isfinite(one).all(), name
-            assert name != "variance of the gain" or (one >= 0.0).all(), name
+            assert name != "gain" or (one[1] >= 0.0).all(), name
             if signal <= 100.0:  # of larger ones float32 leaves no difference from the strain
                 rough = 1e-4 + 2e-6 * signal**2  # the residual is the difference of squared signals
                 largest = np.abs(other).max(initial=1.0)
@@ -115,7 +117,7 @@ def test_moments_of_residuals_are_those_of_numpy(
     states, places = int(rng.integers(1, 160)), 170
     transform = np.triu(rng.uniform(0.5, 1.0, (layout.size,) * 2)).astype(np.float32) if flags & 1 else None
     nodes, of_map = model.expected(rng.uniform(-1.0, 1.0, (places, 1)))
-    gain = Gain(*rng.uniform(0.05, 1.0, (2, phalanges, places)).astype(np.float32))
+    gain = Gain(rng.uniform(0.05, 1.0, (2, phalanges, places)).astype(np.float32))
     strain = (size * rng.standard_normal(layout.size)).astype(np.float32)
     felt = Felt(strain, transform, np.ones(phalanges, dtype=np.float32), np.ones(phalanges, dtype=bool))
     weights = rng.dirichlet(np.ones(states)) ** (8.0 if flags & 2 else 1.0)
@@ -127,6 +129,26 @@ def test_moments_of_residuals_are_those_of_numpy(
     np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-4 * np.abs(other).max())
 
 
+@given(seed=SEEDS, layout=LAYOUTS, share=st.floats(0.0, 1.0))
+def test_moments_are_averaged_as_by_numpy(seed: int, layout: ChannelLayout, share: float) -> None:
+    """Blocks of the phalanges, of which some do not count."""
+    rng, within = np.random.default_rng(seed), np.equal.outer(layout.phalanx, layout.phalanx)
+    before, moments = (each @ each.T * within for each in rng.standard_normal((2, layout.size, layout.size)))
+    scatter, used = Scatter.of(layout, before, 1.0), rng.integers(0, 2, layout.phalanges).astype(bool)
+    with pytest.MonkeyPatch.context() as patch:
+        for one, other in both(patch, lambda: tuple(scatter.after(moments, used, share, 2.0)[1:])):
+            np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
+@given(seed=SEEDS, axes=st.integers(1, 3), states=st.integers(1, 50), wraps=st.integers(0, 7))
+def test_means_and_covariances_are_those_of_numpy(seed: int, axes: int, states: int, wraps: int) -> None:
+    rng, turns = np.random.default_rng(seed), np.array([wraps & 1, wraps & 2, wraps & 4], dtype=bool)[:axes]
+    places, weights = rng.uniform(-9.0, 9.0, (states, axes)), rng.dirichlet(np.ones(states))
+    with pytest.MonkeyPatch.context() as patch:
+        for one, other in both(patch, lambda: mean_and_covariance(places, weights, turns)):
+            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
 def test_a_component_that_is_likelier_than_any_number_leaves_finite_likelihoods() -> None:
     """The first component of 40 channels is 1e8 widths away, another one is felt: a thousand nats."""
     layout, mean = ChannelLayout((40,)), np.zeros((1, 2, 40), dtype=np.float32)
@@ -136,7 +158,7 @@ def test_a_component_that_is_likelier_than_any_number_leaves_finite_likelihoods(
     model = MapLikelihood(StrainMap(one, one, (1,), *tables, 0.1, np.zeros((1, 40))), layout)
     zero, used = np.zeros(40, dtype=np.float32), np.ones(1, dtype=bool)
     felt = Felt(zero, None, zero[:1], used)
-    gain = Gain(np.ones((1, 1), dtype=np.float32), np.zeros((1, 1), dtype=np.float32))
+    gain = Gain(np.array([[[1.0]], [[0.0]]], dtype=np.float32))
     nodes, of_map = model.expected(one[:, None])
     with pytest.MonkeyPatch.context() as patch:
         for by_module, by_numpy in both(patch, lambda: model.of(felt, Places(nodes, 1, of_map, gain), 1.0)):
@@ -206,14 +228,15 @@ def test_anchors_move_as_by_numpy(seed: int, axes: int, size: float) -> None:
             np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
 
 
-@given(seed=SEEDS, shape=st.tuples(*[st.integers(1, 9)] * 3), size=SIZES)
-def test_trajectories_are_followed_as_by_numpy(seed: int, shape: tuple[int, int, int], size: float) -> None:
+@given(seed=SEEDS, kinds=st.integers(1, 4), channels=st.integers(1, 20), size=SIZES)
+def test_trajectories_are_followed_as_by_numpy(seed: int, kinds: int, channels: int, size: float) -> None:
+    """Of states, most of which are continued as their neighbours are, and of anchors."""
     rng = np.random.default_rng(seed)
-    values, before, after = size * rng.standard_normal(shape).astype(np.float32), shape[1], rng.integers(9)
-    weights = rng.dirichlet(np.ones(rng.integers(before) + 1))
-    taken_in = np.where(rng.integers(0, 2, after), rng.random(after), rng.integers(0, 2, after))
-    ancestors = rng.integers(0, before, after) if rng.integers(0, 2) else np.arange(after) % before
-    ancestry = Ancestry(ancestors, taken_in, weights)
+    (before, states, anchors), mixed = rng.integers(1, 9, 3), rng.integers(0, 2, 2)
+    values = size * rng.standard_normal((kinds, before + anchors, channels)).astype(np.float32)
+    ancestors = rng.integers(0, before, states) if mixed[0] else np.arange(states) % before
+    continued = np.where(rng.random(states) < 0.5 * mixed[1], rng.random(states), 1.0)
+    ancestry = Ancestry(ancestors, continued, rng.random(anchors), rng.dirichlet(np.ones(before)))
     for known in (values, values[..., 0].copy()):
         with pytest.MonkeyPatch.context() as patch:
             for one, other in both(patch, lambda known=known: ancestry.followed(known)):
@@ -223,14 +246,14 @@ def test_trajectories_are_followed_as_by_numpy(seed: int, shape: tuple[int, int,
 
 @pytest.mark.parametrize("ancestor", [-1, 3])
 def test_an_ancestor_that_there_is_not_is_refused(ancestor: int) -> None:
-    ancestry = Ancestry(np.array([ancestor]), np.zeros(1), np.ones(1))
+    ancestry = Ancestry(np.array([ancestor]), np.ones(1), np.zeros(0), np.ones(3))
     with pytest.raises(ValueError, match=f"expected numbers below 3, got {ancestor}"):
         ancestry.followed(np.zeros((1, 3, 1), dtype=np.float32))
 
 
-def test_weights_of_more_states_than_there_are_are_refused() -> None:
-    ancestry = Ancestry(np.array([0]), np.zeros(1), np.ones(4))
-    with pytest.raises(ValueError, match="weights: expected at most 3, got 4"):
+def test_values_of_other_than_the_states_and_anchors_are_refused() -> None:
+    ancestry = Ancestry(np.array([0]), np.zeros(1), np.zeros(2), np.ones(2))
+    with pytest.raises(ValueError, match="VALUES: expected 4 values"):
         ancestry.followed(np.zeros((1, 3, 1), dtype=np.float32))
 
 

@@ -50,10 +50,10 @@ class Living(NamedTuple):
         if compiled.MODULE is not None:
             axes, count = centres.shape
             cells, ancestors, after = np.empty((3, count), dtype=np.intp)
-            states, (weights, continued) = np.empty((axes, count)), np.empty((2, count))
+            states, (weights, continued) = np.empty(axes * count), np.empty((2, count))
             given = belief, kept, numbers, centres, offset, least
             alive = compiled.MODULE.living(*given, cells, states, weights, ancestors, continued, after)
-            states, own = states[:, :alive], slice(alive)
+            states, own = states[: axes * alive].reshape(axes, alive), slice(alive)
             return cls(cells[own], states, weights[own], ancestors[own], continued[own], after)
         cells = (belief > least).nonzero()[0]
         after, alive = np.full(len(belief), -1), belief.take(cells)

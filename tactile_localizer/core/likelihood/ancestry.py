@@ -10,31 +10,39 @@ from tactile_localizer.core import compiled
 
 
 class Ancestry(NamedTuple):
-    """Where M trajectories come from: those of the states, then those of the anchors.
+    """Where trajectories come from: those of P states, and those of R anchors, which continue themselves.
 
     A hand that is placed elsewhere was tracked: of what came to a trajectory from anywhere, the mean over the
     states before is known.
 
     Parameters
     ----------
-    ancestors : (M,) int, the trajectory of N before that each continues
-    taken_in : (M,) fraction of its weight that came to it from anywhere instead
-    weights : (P,) of the states before, the first of the N trajectories
+    ancestors : (P,) int, the state before that each continues
+    continued : (P,) fraction of its weight that comes from there; the rest came to it from anywhere
+    placed : (R,) fraction of the weight of each anchor that came to it from anywhere
+    weights : (Q,) of the states before
     """
 
     ancestors: np.ndarray
-    taken_in: np.ndarray
+    continued: np.ndarray
+    placed: np.ndarray
     weights: np.ndarray
 
     def followed(self, values: np.ndarray) -> np.ndarray:
-        """What is known along the M trajectories, of ``values`` (K, N) or (K, N, C) float32 of N before."""
+        """What is known along the trajectories, of ``values`` of those before.
+
+        These are (K, Q + R) or (K, Q + R, C) float32, with as many rows (K, P + R) then.
+        """
+        states, anchors = len(self.weights), len(self.placed)
         if compiled.MODULE is not None:
-            found = np.empty((len(values), len(self.ancestors), *values.shape[2:]), dtype=np.float32)
+            after = len(self.ancestors) + anchors
+            found = np.empty((len(values), after, *values.shape[2:]), dtype=np.float32)
             compiled.MODULE.follow(len(values), values, *self, found)
             return found
         own = values[..., None] if values.ndim == 2 else values
-        mean = self.weights.astype(np.float32) @ own[:, : len(self.weights)]
-        found, share = own.take(self.ancestors, axis=1), self.taken_in.astype(np.float32)[:, None]
+        mean = self.weights.astype(np.float32) @ own[:, :states]
+        found = own.take(np.concatenate([self.ancestors, np.arange(states, states + anchors)]), axis=1)
+        share = np.concatenate([1.0 - self.continued, self.placed]).astype(np.float32)[:, None]
         found *= 1.0 - share
         found += share * mean[:, None]
         return found[..., 0] if values.ndim == 2 else found

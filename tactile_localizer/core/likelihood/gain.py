@@ -18,32 +18,44 @@ from that of the scan: longer than a feature. By judgement."""
 
 
 class Gain(NamedTuple):
-    """Mean and variance (F, N) float32 of the gain of F phalanges, along N trajectories.
+    """Mean and variance of the gain of F phalanges, along N trajectories: ``moments`` (2, F, N) float32.
 
     The gain g is a Gauss-Markov process about one. Along a trajectory, a strain whose innovation is g u +
     noise, with u that of the map, is a linear measurement of it: a scalar Kalman filter.
     """
 
-    mean: np.ndarray
-    variance: np.ndarray
+    moments: np.ndarray
+
+    @property
+    def mean(self) -> np.ndarray:
+        """The mean (F, N)."""
+        return self.moments[0]
+
+    @property
+    def variance(self) -> np.ndarray:
+        """The variance (F, N)."""
+        return self.moments[1]
 
     @classmethod
     def start(cls, phalanges: int, count: int, variance: float) -> Gain:
         """Before the first strain, along ``count`` trajectories."""
-        shape = (phalanges, count)
-        return cls(np.ones(shape, dtype=np.float32), np.full(shape, variance, dtype=np.float32))
+        moments = np.ones((2, phalanges, count), dtype=np.float32)
+        moments[1] = variance
+        return cls(moments)
 
     def followed(self, ancestry: Ancestry) -> Gain:
         """The gain along the trajectories that continue these."""
-        return Gain(ancestry.followed(self.mean), ancestry.followed(self.variance))
+        two, phalanges, count = self.moments.shape
+        found = ancestry.followed(self.moments.reshape(two * phalanges, count))
+        return Gain(found.reshape(two, phalanges, -1))
 
     def predicted(self, travel: float, prior: float) -> Gain:
         """The gain after ``travel`` metres, over which it returns to the ``prior`` variance about one."""
-        kept = math.exp(-travel / RECENT)
-        mean, variance = kept * self.mean, kept**2 * self.variance
-        mean += 1.0 - kept
-        variance += (1.0 - kept**2) * prior
-        return Gain(mean, variance)
+        kept, moments = math.exp(-travel / RECENT), np.empty_like(self.moments)
+        for after, before, rest, mean in zip(moments, self.moments, (kept, kept**2), (1.0, prior), strict=True):
+            np.multiply(before, rest, out=after)
+            after += (1.0 - rest) * mean
+        return Gain(moments)
 
     def updated(self, information: np.ndarray, product: np.ndarray, exponent: float) -> Gain:
         """The gain after a strain.
@@ -55,4 +67,4 @@ class Gain(NamedTuple):
         exponent : fraction of an independent measurement that the strain is
         """
         variance = self.variance / (1.0 + exponent * self.variance * information)
-        return Gain(self.mean + exponent * variance * product, variance)
+        return Gain(np.stack([self.mean + exponent * variance * product, variance]))

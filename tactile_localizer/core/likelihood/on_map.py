@@ -179,7 +179,7 @@ class MapLikelihood:
         self._map, self._components = strain_map, Components.distinct(strain_map, layout)
         self._shape = np.array(strain_map.shape, dtype=np.intp)
         self._channels = np.array(layout.counts, dtype=np.float32)[:, None]
-        self._bounds = np.cumsum([0, *layout.counts], dtype=np.intp)
+        self._layout = layout
         self._rows = _rows(layout)
 
     def expected(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -204,10 +204,10 @@ class MapLikelihood:
     def _compiled(self, felt: Felt, places: Places, exponent: float) -> OnMap:
         assert compiled.MODULE is not None
         nodes, states, of_map, gain = places
-        likelihoods, after = np.empty(len(nodes)), Gain(np.empty_like(gain.mean), np.empty_like(gain.variance))
-        there, how = (nodes, of_map, *gain, self._bounds), (DEGREES_OF_FREEDOM, exponent, states)
-        compiled.MODULE.on_map(*self._components[1:], *there, *felt, *how, likelihoods, *after)
-        return OnMap(likelihoods[:states], likelihoods[states:], after)
+        likelihoods, after = np.empty(len(nodes)), np.empty_like(gain.moments)
+        there, how = (nodes, of_map, gain.moments, self._layout.bounds), (DEGREES_OF_FREEDOM, exponent, states)
+        compiled.MODULE.on_map(*self._components[1:], *there, *felt, *how, likelihoods, after)
+        return OnMap(likelihoods[:states], likelihoods[states:], Gain(after))
 
     def _by_numpy(self, felt: Felt, places: Places, exponent: float) -> OnMap:
         states, residuals = places.states, self._residuals(felt, places)
@@ -229,7 +229,7 @@ class MapLikelihood:
         least = _FITS * float(weights.max())
         if compiled.MODULE is not None:
             found = np.empty((of_map.shape[1],) * 2)
-            there = places.nodes, of_map, places.gain.mean, self._bounds
+            there = places.nodes, of_map, places.gain.moments, self._layout.bounds
             compiled.MODULE.scatter(spread, *there, *felt[:3], weights, least, OUTLIER, found)
             return found / _MEAN_SQUARE
         if felt.transform is not None:
@@ -241,15 +241,14 @@ class MapLikelihood:
         squared = np.square(residuals) @ self._rows.T / (variance * self._channels.T)
         counted = np.minimum(OUTLIER / np.maximum(squared, OUTLIER), 1.0) * (weights[fits, None] / variance)
         found = np.zeros((of_map.shape[1],) * 2)
-        for phalanx, begin in enumerate(self._bounds[:-1].tolist()):
-            own = slice(begin, int(self._bounds[phalanx + 1]))
+        for phalanx, own in enumerate(self._layout.slices):
             found[own, own] = (residuals[:, own].T * counted[:, phalanx]) @ residuals[:, own]
         return found / _MEAN_SQUARE
 
     def _residuals(self, felt: Felt, places: Places) -> _Residuals:
         """Residuals of a strain from the components at states and anchors."""
         nodes, states, of_map, gain = places
-        components, signal, of_strain, (mean, spread) = self._components, of_map, felt.strain, gain
+        components, signal, of_strain, (mean, spread) = self._components, of_map, felt.strain, gain.moments
         table = components.spread.take(nodes, axis=1)
         table[-1, states:] = 0.0  # anchors: the first component alone
         counts = components.counts.take(nodes[:states])
@@ -261,7 +260,7 @@ class MapLikelihood:
             others += components.away.take(rows, axis=0)
             signal = np.concatenate([others, signal])
             table = np.concatenate([components.other_spread.take(rows, axis=1), table], axis=1)
-            mean, spread = (np.concatenate([each.take(place, axis=1), each], axis=1) for each in gain)
+            mean, spread = (np.concatenate([each.take(place, axis=1), each], axis=1) for each in gain.moments)
         variance, log_prior = table[:-1], table[-1]
         if felt.transform is not None:
             signal = signal @ felt.transform

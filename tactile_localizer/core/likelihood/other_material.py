@@ -45,7 +45,7 @@ class OtherMaterial:
         # Last a signal in any direction: strains in another unit are off the map too.
         self._spread = np.vstack([np.outer(_STRENGTHS, even), _STRENGTHS[-1] * largest])
         each = np.full(layout.phalanges, variance, dtype=np.float64)
-        self._tables = self._spread, self._rotation, each, np.cumsum([0, *layout.counts], dtype=np.intp)
+        self._tables = self._spread, self._rotation, each, layout.bounds
 
     def transformed(self, transform: np.ndarray) -> OtherMaterial:
         """The same for innovations ``transform @ v``; ``transform`` (C, C) has a block per phalanx."""

@@ -38,7 +38,7 @@ def test_the_innovation_of_strain_less_map_is_that_of_their_difference(
     trend, felt = drift.start(trajectories), np.zeros((0, trajectories, 2))
     for strain in strains:
         ancestors = rng.integers(0, trajectories, trajectories)
-        trend = trend.followed(Ancestry(ancestors, np.zeros(trajectories), np.ones(1)))
+        trend = trend.followed(Ancestry(ancestors, np.ones(trajectories), np.zeros(0), np.ones(trajectories)))
         felt = felt[:, ancestors]
         expected = 10.0 * rng.standard_normal((trajectories, 2)).astype(np.float32)
         innovation, trend = drift.update(trend, strain, expected, STEP, 1.0)

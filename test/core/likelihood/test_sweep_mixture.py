@@ -92,8 +92,8 @@ def test_float32_tables_agree_with_direct_evaluation(counts: tuple[int, ...]) ->
     for volts in (1.0, 10.0, 1e3):
         strain, shape = volts * rng.standard_normal(sum(counts)), (len(counts), NODES)
         known = (rng.uniform(0.5, 2.0, shape), rng.uniform(0.01, 0.3, shape))
-        gain = Gain(*(each.astype(np.float32) for each in known))
-        found = evaluated(model, strain, gain=Gain(*(np.tile(each, 2) for each in gain)))
+        gain = Gain(np.stack(known).astype(np.float32))
+        found = evaluated(model, strain, gain=Gain(np.tile(gain.moments, 2)))
         one = np.eye(len(strain))
         for values, components in ((found.states, COMPONENTS), (found.anchors, 1)):
             expected = [direct(model, node, strain, one, components, gain).sum() for node in range(NODES)]
@@ -143,7 +143,7 @@ def test_moments_are_of_the_residuals_that_the_scan_expects_at_the_gain_of_the_s
     layout, weights, used = model.noise.layout, np.zeros(NODES), np.ones(2, dtype=bool)
     nodes, mean = model.map_at(STATES)
     weights[[4, 7]] = 0.75, 0.25
-    gain = Gain(np.full((2, NODES), 0.5, dtype=np.float32), np.full((2, NODES), 0.1, dtype=np.float32))
+    gain = Gain(np.stack([np.full((2, NODES), each, dtype=np.float32) for each in (0.5, 0.1)]))
     for volts, bounded in ((strain, False), (1e4 * strain, True)):
         innovation = Innovation(model.whitened(volts), mean, np.full(8, 3.0))
         there = Places(nodes, NODES, mean, gain)
