@@ -64,6 +64,36 @@ static PyObject *map_at(PyObject *self, PyObject *args)
     Py_RETURN_NONE;
 }
 
+/* noise(strain d (C,), present bool (C,), kept d (C,), step d (C,), variance d (C,): before it;
+ *       largest square of no spike, bound and mean of squares, weight of the strain;
+ *       variance d (C,), step d (C,): after it): whether there is a spike
+ */
+static PyObject *noise(PyObject *self, PyObject *args)
+{
+    enum { STRAIN, PRESENT, KEPT, STEP, VARIANCE, NEXT_VARIANCE, NEXT_STEP, ALL };
+    Py_buffer a[ALL] = {{0}};
+    double largest, bound, mean, gain;
+    bool has_spike = false;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*ddddw*w*", &a[STRAIN], &a[PRESENT], &a[KEPT], &a[STEP], &a[VARIANCE],
+                          &largest, &bound, &mean, &gain, &a[NEXT_VARIANCE], &a[NEXT_STEP]))
+        return NULL;
+    const Py_ssize_t channels = COUNT(a[STRAIN], double);
+    const double *strain = a[STRAIN].buf, *kept = a[KEPT].buf, *step = a[STEP].buf, *variance = a[VARIANCE].buf;
+    const bool fits = HAS(PRESENT, channels, char) && HAS(KEPT, channels, double) && HAS(STEP, channels, double) &&
+                      HAS(VARIANCE, channels, double) && HAS(NEXT_VARIANCE, channels, double) &&
+                      HAS(NEXT_STEP, channels, double);
+    for (Py_ssize_t c = 0; fits && c < channels; c++) {
+        const double off = strain[c] - (kept[c] + step[c]), square = off * off / (6.0 * variance[c]);
+        const double change = ((square < bound ? square : bound) - mean) * gain;
+        has_spike = has_spike || square > largest;
+        ((double *)a[NEXT_VARIANCE].buf)[c] = variance[c] * (((const char *)a[PRESENT].buf)[c] ? 1.0 + change : 1.0);
+        ((double *)a[NEXT_STEP].buf)[c] = strain[c] - kept[c];
+    }
+    release(a, ALL);
+    return fits ? PyBool_FromLong(has_spike) : NULL;
+}
+
 /* living(cells d (N,), kept d (N,): of the cells, what was not taken in; number_of n (N,): that of each cell before, or -1;
  *        centres d (d, N), offset d (d,), the least weight that counts;
  *        alive n (N,), states d (d, N), weights d (N,), ancestors n (N,), continued d (N,), next number_of n (N,)): P,
@@ -796,6 +826,7 @@ static PyObject *probability_within(PyObject *self, PyObject *args)
 
 static PyMethodDef METHODS[] = {
     {"map_at", map_at, METH_VARARGS, "Nodes nearest to places, and the strain there."},
+    {"noise", noise, METH_VARARGS, "Noise of a sweep after a strain, unless that is a spike."},
     {"living", living, METH_VARARGS, "Cells of a grid that have weight, and from which of those before they moved."},
     {"follow", follow, METH_VARARGS, "What is known along trajectories, of what was along their ancestors."},
     {"anchors", anchors, METH_VARARGS, "Where the anchors are after a motion, and which of them left at a bound."},

@@ -221,6 +221,7 @@ class Localizer:
                 f"position: expected {self.scene.dimension} finite numbers, got {position}"
             )
         strain, here = checked(strain, self.scene.layout, present)
+        strain = strain.copy()  # the next one is predicted from it
         if self.measurements.goes_back(stamp_ns, position):
             self.reset()
         measurement = self.measurements.observe(stamp_ns, position, strain, here)

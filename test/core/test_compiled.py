@@ -21,6 +21,7 @@ from tactile_localizer.core.likelihood.on_map import Felt, MapLikelihood, Places
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
 from tactile_localizer.core.likelihood.scatter import Scatter
 from tactile_localizer.core.likelihood.strain_map import StrainMap
+from tactile_localizer.core.likelihood.white_noise import SweepNoise, WhiteNoise
 from tactile_localizer.core.weights import bayes
 from tactile_localizer.core.weights import moments as mean_and_covariance
 
@@ -127,6 +128,27 @@ def test_moments_of_residuals_are_those_of_numpy(
         )
     assert np.isfinite(one).all()
     np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-4 * np.abs(other).max())
+
+
+@given(seed=SEEDS, channels=st.integers(1, 20), noisier=st.sampled_from([1.0, 9.0]))
+def test_the_noise_of_a_sweep_is_that_of_numpy(seed: int, channels: int, noisier: float) -> None:
+    """With spikes, after gaps, of channels that are absent for a while, and of more noise than in the scan."""
+    rng, flat = np.random.default_rng(seed), np.ones(1)
+    strains = noisier * rng.standard_normal((60, channels))
+    strains[rng.random(strains.shape) < 0.01] += 100.0
+    present = rng.random((60, channels)) < np.where(np.arange(60) < 40, 1.0, 0.9)[:, None]
+    travels = rng.choice([0.0005, 0.05], 60, p=[0.95, 0.05])
+    scan = WhiteNoise(0.0005 * flat, np.full((1, channels), 1.2))
+
+    def taken_in() -> tuple[Any, ...]:
+        sweep, found = SweepNoise(scan), []
+        for strain, here, travel in zip(strains, present, travels, strict=True):
+            found.append((sweep.observe(strain, here, travel), sweep.excess(0.001), sweep.spikes))
+        return tuple(found)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for one, other in both(patch, taken_in):
+            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
 
 
 @given(seed=SEEDS, layout=LAYOUTS, share=st.floats(0.0, 1.0))

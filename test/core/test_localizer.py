@@ -159,6 +159,23 @@ def test_a_caller_may_fill_one_buffer_with_every_strain(localizer):
     assert estimate.consistent.tolist() == [False, True]
 
 
+@pytest.mark.parametrize("apart", [1, 2])
+def test_a_buffer_with_every_strain_gives_what_separate_strains_give(apart):
+    """Noise and spikes are those of the differences from the strains before, however these were handed over."""
+    rng, buffer, of, other = np.random.default_rng(0), np.zeros(16 * apart)[::apart], build(), build()
+    way = [(n, np.array([0.01 + 0.0004 * n, 0.02])) for n in range(40)]
+    for n, position in way:
+        buffer[:] = strain_at(position[None])[0] + rng.normal(0.0, 0.05, 16)
+        if n == 20:
+            buffer[3] += 1e3
+        found, expected = (
+            each.update(n * 10_000_000, position, strain)
+            for each, strain in ((of, buffer), (other, buffer.copy()))
+        )
+        np.testing.assert_array_equal(found.mean, expected.mean)
+    assert of.spikes == other.spikes == {"index_4": 1}
+
+
 def test_a_hand_put_down_elsewhere_is_soon_converged_there_and_not_before(localizer):
     """What speaks for the place that it left speaks neither for nor against the other one."""
     *_, (end, estimate) = slide(localizer)

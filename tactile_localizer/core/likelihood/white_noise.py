@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_localizer.core import compiled
 from tactile_localizer.core.geometry.motion import levers
 from tactile_localizer.core.scan.scan import Scan
 from tactile_localizer.scene import Scene
@@ -132,6 +133,8 @@ class SweepNoise:
         if self._kept is None:
             self._kept = strain
             return strain
+        if compiled.MODULE is not None and self._is_usual(strain, present, travel):
+            return strain
         # Before the third strain nothing is predicted: either of the two may be the spike.
         is_predicted = self._step is not None
         predicted = self._kept if self._step is None else self._kept + self._step
@@ -157,6 +160,19 @@ class SweepNoise:
         step = strain - self._kept
         self._kept, self._step = strain, np.where(off, 0.0, step) if jumps else step  # a jump begins anew
         return strain
+
+    def _is_usual(self, strain: np.ndarray, present: np.ndarray, travel: float) -> bool:
+        """Whether a strain, as most, is predicted and no spike, and its noise of no account; then it is taken in."""
+        if self._step is None or self._jumped or self._may_share:
+            return False
+        assert compiled.MODULE is not None
+        variance, step = np.empty_like(self._variance), np.empty_like(self._variance)
+        before, how = (self._kept, self._step, self._variance), (_SPIKE**2, _BOUND, _MEAN, self._gain)
+        if compiled.MODULE.noise(strain, present, *before, *how, variance, step):
+            return False
+        self._variance, self._kept, self._step = variance, strain, step
+        self._spacing += (travel - self._spacing) * self._gain
+        return True
 
     def excess(self, pitch: float) -> np.ndarray:
         """Covariance (C, C), V^2, by which the noise of a mean over ``pitch`` metres exceeds the scan's.
