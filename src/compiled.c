@@ -142,23 +142,26 @@ static PyObject *living(PyObject *self, PyObject *args)
     return fits ? PyLong_FromSsize_t(found) : NULL;
 }
 
+/* Adds to a sum (C,) four rows (4, C) with weights (4,). */
+static void add_rows(const float *restrict rows, const double *restrict weights, Py_ssize_t channels,
+                     float *restrict sum)
+{
+    const float one = (float)weights[0], two = (float)weights[1], three = (float)weights[2], four = (float)weights[3];
+    const float *second = rows + channels, *third = second + channels, *fourth = third + channels;
+    for (Py_ssize_t c = 0; c < channels; c++)
+        sum[c] += (one * rows[c] + two * second[c]) + (three * third[c] + four * fourth[c]);
+}
+
 /* Mean of rows (P, C) with weights (P,). */
 static void mean_row(const float *restrict rows, Py_ssize_t channels, const double *restrict weights, Py_ssize_t count,
                      float *restrict mean)
 {
-    enum { TOGETHER = 8 };
-    for (Py_ssize_t begin = 0; begin < channels; begin += TOGETHER) {
-        const Py_ssize_t width = channels - begin < TOGETHER ? channels - begin : TOGETHER;
-        float sums[TOGETHER] = {0};
-        for (Py_ssize_t n = 0; n < count; n++) {
-            const float *row = rows + n * channels + begin, weight = (float)weights[n];
-            if (width == TOGETHER)
-                for (int c = 0; c < TOGETHER; c++) sums[c] += weight * row[c];
-            else
-                for (Py_ssize_t c = 0; c < width; c++) sums[c] += weight * row[c];
-        }
-        memcpy(mean + begin, sums, (size_t)width * sizeof(float));
-    }
+    Py_ssize_t n = 0;
+    memset(mean, 0, (size_t)channels * sizeof(float));
+    for (; channels == 1 && n < count; n++) mean[0] += (float)weights[n] * rows[n]; /* a loop of vectors */
+    for (; n + 4 <= count; n += 4) add_rows(rows + n * channels, weights + n, channels, mean);
+    for (; n < count; n++)
+        for (Py_ssize_t c = 0; c < channels; c++) mean[c] += (float)weights[n] * rows[n * channels + c];
 }
 
 /* Of what is known before (C,) of a trajectory, and of the mean (C,), to which it came to a share from anywhere. */
@@ -261,6 +264,34 @@ static PyObject *anchors(PyObject *self, PyObject *args)
             left[r] |= has_turned && has_ends;
         }
         shifts[axis] = shift;
+    }
+    release(a, ALL);
+    if (!fits) return NULL;
+    Py_RETURN_NONE;
+}
+
+/* far_from(states d (d, R), place d (d,), levers d (d,), distance, values d (R,);
+ *          found d (R,)): the values of the states that are farther from the place, and -inf of the others
+ */
+static PyObject *far_from(PyObject *self, PyObject *args)
+{
+    enum { STATES, PLACE, LEVERS, VALUES, FOUND, ALL };
+    Py_buffer a[ALL] = {{0}};
+    double distance;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*dy*w*", &a[STATES], &a[PLACE], &a[LEVERS], &distance, &a[VALUES], &a[FOUND]))
+        return NULL;
+    const Py_ssize_t axes = COUNT(a[PLACE], double), count = COUNT(a[FOUND], double);
+    const double *states = a[STATES].buf, *place = a[PLACE].buf, *levers = a[LEVERS].buf, *values = a[VALUES].buf;
+    double *found = a[FOUND].buf;
+    const bool fits = HAS(STATES, axes * count, double) && HAS(LEVERS, axes, double) && HAS(VALUES, count, double);
+    for (Py_ssize_t r = 0; fits && r < count; r++) {
+        double squared = 0.0;
+        for (Py_ssize_t axis = 0; axis < axes; axis++) {
+            const double away = (states[axis * count + r] - place[axis]) * levers[axis];
+            squared += away * away;
+        }
+        found[r] = sqrt(squared) > distance ? values[r] : -INFINITY;
     }
     release(a, ALL);
     if (!fits) return NULL;
@@ -830,6 +861,7 @@ static PyMethodDef METHODS[] = {
     {"living", living, METH_VARARGS, "Cells of a grid that have weight, and from which of those before they moved."},
     {"follow", follow, METH_VARARGS, "What is known along trajectories, of what was along their ancestors."},
     {"anchors", anchors, METH_VARARGS, "Where the anchors are after a motion, and which of them left at a bound."},
+    {"far_from", far_from, METH_VARARGS, "Values of the anchors that are far from a place."},
     {"drift", drift, METH_VARARGS, "What of a strain and of the map their trends do not predict, and trends after it."},
     {"on_map", on_map, METH_VARARGS, "Likelihoods of a strain at places of the map."},
     {"scatter", scatter, METH_VARARGS, "Second moments of the residuals of a strain from the map."},

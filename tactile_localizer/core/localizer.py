@@ -237,7 +237,7 @@ class Localizer:
         self._explanations = Explanations.start(anchors)
         self._belief = None
         self._travel = 0.0
-        self._log_likelihoods = np.full(2, np.nan)
+        self._log_likelihoods = math.nan, math.nan
         self._notes, self._consistent = "", self._all
 
     def measure(self, measurement: Measurement) -> Belief:
@@ -259,13 +259,12 @@ class Localizer:
         )
         self._belief = belief = self._weigh(prediction, evidence, measurement, update_travel)
         tracked = bayes(prediction.weights, exponent * evidence.states)[1] / exponent
-        far = self._motion.travels(self._anchors.states - belief.mean) > RELOCATION_DISTANCE
+        at_anchors = self._anchors.far_from(belief.mean, RELOCATION_DISTANCE, evidence.anchors - tracked)
         self._explanations = explanations.update(
-            update_travel,
-            np.where(far, exponent * (evidence.anchors - tracked), -np.inf),
-            exponent * (evidence.other - tracked),
+            update_travel, exponent * at_anchors, exponent * (evidence.other - tracked)
         )
-        self._log_likelihoods = np.array([tracked, evidence.other]) + float(used @ evidence.log_volume)
+        volume = sum(evidence.log_volume[used].tolist())
+        self._log_likelihoods = tracked + volume, evidence.other + volume
         self._travel += travel
         self._decide(prediction.states, belief, measurement)
         return belief
@@ -347,7 +346,7 @@ class Localizer:
         travel = self._motion.travel(pending)
         covariance = self._covariance + travel * self._noise_per_metre
         convergence = self._convergence
-        log_marginal, log_other = self._log_likelihoods.tolist()
+        log_marginal, log_other = self._log_likelihoods
         return Estimate(
             stamp_ns=stamp_ns,
             mean=self._motion.wrapped(belief.mean + pending),

@@ -15,9 +15,6 @@ from tactile_localizer.core.likelihood.scatter import Scatter
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
 from tactile_localizer.core.weights import bayes
 
-_CHANGED = 0.2
-"""Relative change of the noise of a channel from which strains are whitened anew."""
-
 
 class Evidence(NamedTuple):
     """Log-likelihoods of a strain.
@@ -90,11 +87,7 @@ class Sweep(NamedTuple):
 
         It stays where no channel's noise has changed by a fifth.
         """
-        if not np.count_nonzero(excess) and not np.count_nonzero(self.model.excess):
-            return self
-        width = np.sqrt(model.noise.variance + self.model.excess.diagonal())
-        changed = np.abs(excess - self.model.excess) > _CHANGED * np.outer(width, width)
-        if not np.count_nonzero(changed):
+        if not self.model.is_changed(excess):
             return self
         noisier = model.with_noise(excess)
         return self._replace(model=noisier, scatter=self.scatter.moved(noisier.whitening_after(self.model)))

@@ -241,8 +241,11 @@ def test_anchors_move_as_by_numpy(seed: int, axes: int, size: float) -> None:
     displacements = size * np.random.default_rng(seed).standard_normal((5, axes))
 
     def moved() -> tuple[Any, ...]:
-        anchors = Anchors(scene(axes, full_turn=axes == 3))
-        return tuple((anchors.move(each), anchors.states) for each in displacements)
+        anchors, found = Anchors(scene(axes, full_turn=axes == 3)), []
+        for each in displacements:
+            left, values = anchors.move(each), np.arange(float(len(anchors)))
+            found.append((left, anchors.states, anchors.far_from(anchors.states[3].copy(), 0.01, values)))
+        return tuple(found)
 
     with pytest.MonkeyPatch.context() as patch:
         for one, other in both(patch, moved):

@@ -96,6 +96,9 @@ class ModelByHand:
         self._note("other", *given)
         return self.other_log, given[0] + 1.0
 
+    def is_changed(self, excess: np.ndarray) -> bool:
+        return bool((np.abs(excess - self.excess) > 0.2 * (1.0 + self.excess.max())).any())
+
     def with_noise(self, excess: np.ndarray) -> ModelByHand:
         model = self._noisier("with_noise", excess, 2.0)
         model.excess = excess

@@ -33,7 +33,8 @@ class Anchors:
         # An axis at a time: arrays with a short last axis take several times longer.
         self._lower, self._extent = scene.lower[:, None], scene.extent[:, None]
         self._ends = ~scene.wraps[:, None]
-        extent = scene.extent * levers(scene)
+        self._levers = levers(scene)
+        extent = scene.extent * self._levers
         pitch = max((float(np.prod(extent)) / _COUNT) ** (1.0 / scene.dimension), _LEAST_PITCH)
         self._counts = np.clip(np.rint(extent / pitch), 1, _COUNT).astype(int)
         self.pitch = scene.extent / self._counts
@@ -49,6 +50,18 @@ class Anchors:
         self._shift = np.zeros_like(self._extent)
         self._beyond = np.zeros(self._origin.shape, dtype=bool)
         self.states = (self._lower + self._origin).T
+
+    def far_from(self, place: np.ndarray, distance: float, values: np.ndarray) -> np.ndarray:
+        """The ``values`` (R,) of the anchors that are farther from a ``place`` (d,) than that; else -inf.
+
+        The distance, m, counts yaw by :data:`.YAW_LEVER`.
+        """
+        if compiled.MODULE is not None:
+            found = np.empty(len(self))
+            compiled.MODULE.far_from(self.states.T, place, self._levers, distance, values, found)
+            return found
+        away = (self.states.T - place[:, None]) * self._levers[:, None]
+        return np.where(np.sqrt(np.add.reduce(np.square(away))) > distance, values, -np.inf)
 
     def move(self, displacement: np.ndarray) -> np.ndarray:
         """Move by ``displacement`` (d,), m (yaw: rad); returns which anchors (R,) bool left at a bound."""

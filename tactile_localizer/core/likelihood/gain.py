@@ -51,10 +51,10 @@ class Gain(NamedTuple):
 
     def predicted(self, travel: float, prior: float) -> Gain:
         """The gain after ``travel`` metres, over which it returns to the ``prior`` variance about one."""
-        kept, moments = math.exp(-travel / RECENT), np.empty_like(self.moments)
-        for after, before, rest, mean in zip(moments, self.moments, (kept, kept**2), (1.0, prior), strict=True):
-            np.multiply(before, rest, out=after)
-            after += (1.0 - rest) * mean
+        kept = math.exp(-travel / RECENT)
+        rest = np.array([[[kept]], [[kept**2]]], dtype=np.float32)
+        moments = rest * self.moments
+        moments += np.array([[[1.0 - kept]], [[(1.0 - kept**2) * prior]]], dtype=np.float32)
         return Gain(moments)
 
     def updated(self, information: np.ndarray, product: np.ndarray, exponent: float) -> Gain:

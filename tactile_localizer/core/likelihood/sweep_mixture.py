@@ -19,6 +19,9 @@ from tactile_localizer.core.likelihood.strain_map import StrainMap
 _LARGEST_STRAIN = 1e9
 """Largest whitened strain, at which others are clipped; its square is still a float32."""
 
+_CHANGED = 0.2
+"""Relative change of the noise of a channel from which strains are whitened anew."""
+
 
 class SweepMixture:
     """Student-t mixture over pairs of sweeps on either side of a place, from tables (:class:`.StrainMap`).
@@ -58,7 +61,17 @@ class SweepMixture:
         """The model of a sweep whose strains have more noise than the scan's, by ``excess`` (C, C), V^2."""
         model = self.with_covariance(self.noise.with_excess(excess))
         model.excess = excess
+        model.__dict__.pop("_unchanged", None)
         return model
+
+    def is_changed(self, excess: np.ndarray) -> bool:
+        """Whether a channel has so much more or less noise, by ``excess`` (C, C), V^2, than this model is for."""
+        return np.count_nonzero(np.abs(excess - self.excess) > self._unchanged) > 0
+
+    @cached_property
+    def _unchanged(self) -> np.ndarray:
+        width = np.sqrt(self.noise.variance + self.excess.diagonal())
+        return _CHANGED * np.outer(width, width)
 
     def with_covariance(self, covariance: np.ndarray) -> SweepMixture:
         """The model of strains whose residuals have a ``covariance`` (W, W), in the units of this model.
