@@ -521,8 +521,9 @@ static PyObject *on_map(PyObject *self, PyObject *args)
         if (transform) transformed(signals, transform, channels, whitened);
         for (Py_ssize_t f = 0; f < phalanges; f++) {
             const float width = (float)(bounds[f + 1] - bounds[f]);
-            Lanes variance = {0}, of_mean = {0}, of_gain = {0}, length, log_density;
+            Lanes variance, of_mean = {0}, of_gain = {0}, length, log_density;
             Residuals of;
+            for (int k = 0; k < LANES; k++) variance[k] = 1.0f; /* of lanes without a component, too */
             for (Py_ssize_t k = 0; k < lanes; k++) {
                 const float visit = other[k] < 0 ? spread[f * nodes + node_of[place[k]]]
                                                  : other_spread[f * all_others + other[k]];
