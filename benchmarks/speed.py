@@ -114,8 +114,11 @@ def commands_on(pairs: int, trees: Sequence[Path]) -> list[dict[str, Cost]]:
     return found
 
 
-def updates(folder: Path, trees: Sequence[Path], repeat: int) -> list[dict[str, float]]:
-    """Times of the updates of each source tree on a recording, us, by name; the trees take turns."""
+def updates(folder: Path, trees: Sequence[Path], repeat: int) -> list[dict[str, list[float]]]:
+    """Times of the updates of each source tree on a recording, by name; the trees take turns.
+
+    In us and, but for those in C++, as ratios to a reference that is measured beside each update.
+    """
     train, test = (next(folder.glob(f"{name}.csv*")) for name in ("train", "test"))
     names = {
         "update converged": ("converged", ()),
@@ -123,7 +126,7 @@ def updates(folder: Path, trees: Sequence[Path], repeat: int) -> list[dict[str, 
         "strain without update": ("without", ()),
         **{f"update of {count} particles": ("any", ("--particles", str(count))) for count in _PARTICLES},
     }
-    runs: list[dict[str, list[float]]] = [{name: [] for name in names} for _ in trees]
+    runs: list[dict[str, list[list[float]]]] = [{name: [] for name in names} for _ in trees]
     with tempfile.TemporaryDirectory() as scans:
         for number, tree in enumerate(trees):
             scan = f"{scans}/{number}"
@@ -139,8 +142,8 @@ def updates(folder: Path, trees: Sequence[Path], repeat: int) -> list[dict[str, 
             for count in _PARTICLES if shutil.which(COMPILER) else ():
                 options = "--particles", str(count)
                 taken, _ = _of_tree(trees[0], "compiled_filter", f"{scans}/0", test, *options).split()
-                runs[0].setdefault(f"update of {count} particles, C++", []).append(float(taken))
-    return [{name: float(np.median(times)) for name, times in each.items()} for each in runs]
+                runs[0].setdefault(f"update of {count} particles, C++", []).append([float(taken)])
+    return [{name: np.median(times, axis=0).tolist() for name, times in each.items()} for each in runs]
 
 
 def _of_tree(tree: Path, name: str, *arguments: object) -> str:
@@ -266,9 +269,9 @@ def main() -> None:
             rows[-1] |= {"ratio": seconds / other.seconds, "memory_ratio": memory / other.memory}
     times = updates(given.folder.resolve(), trees, given.repeat)
     for name, taken in times[0].items():
-        rows.append({"name": name, "value": taken, "unit": "us"})
+        rows.append({"name": name, "value": taken[0], "unit": "us"})
         if given.beside is not None and name in times[1]:
-            rows[-1]["ratio"] = taken / times[1][name]
+            rows[-1]["ratio"] = taken[1] / times[1][name][1]
     rows += [csv_reading(162_180), decoding(given.cycles)]
     if given.json is not None:
         write_rows(given.json, vars(given), rows, [])
