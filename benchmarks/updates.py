@@ -23,7 +23,6 @@ import numpy as np
 
 from tactile_localizer import Configuration, load_scan, make_localizer, read_recording
 
-
 _SOME = np.ones(200)
 
 

@@ -50,6 +50,13 @@ class ChannelLayout:
         return np.cumsum([0, *self.counts], dtype=np.intp)
 
     @cached_property
+    def every(self) -> np.ndarray:
+        """Flags (F,) of all phalanges, which cannot be changed."""
+        flags = np.ones(self.phalanges, dtype=bool)
+        flags.flags.writeable = False
+        return flags
+
+    @cached_property
     def slices(self) -> tuple[slice, ...]:
         """Elements of the strain vector that belong to each phalanx."""
         return tuple(slice(*ends) for ends in pairwise(self.bounds.tolist()))

@@ -1,7 +1,7 @@
 """Compiled twins of numpy's loops over the places of a belief (``src/compiled.c``), where they were built.
 
 A belief that has converged has some 200 places of a few numbers each, where calls of numpy cost ten times
-what they compute. Without a compiler numpy does the same, and an update takes about 1.7 times as long.
+what they compute. Without a compiler numpy does the same, and an update takes about twice as long.
 """
 
 from importlib import import_module

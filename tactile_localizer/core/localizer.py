@@ -116,7 +116,7 @@ class Localizer:
         self._registration = np.diag(registration_std**2)
         self._motion = MotionModel(scene)
         self._noise_per_metre = np.diag(self._motion.variance(1.0))
-        self._anchors, self._all = anchors, np.ones(len(scene.phalanges), dtype=bool)
+        self._anchors = anchors
         self._near = Ellipsoid(convergence.criteria.radius, self.registration_variance)
         self._belief: Belief | None = None
         self._restart()
@@ -238,7 +238,7 @@ class Localizer:
         self._belief = None
         self._travel = 0.0
         self._log_likelihoods = math.nan, math.nan
-        self._notes, self._consistent = "", self._all
+        self._notes, self._consistent = "", self.scene.layout.every
 
     def measure(self, measurement: Measurement) -> Belief:
         """The measurement update: move, follow, weigh, explain, decide.
@@ -305,7 +305,7 @@ class Localizer:
         self._convergence.update(
             near, explanations.tracked, explanations.other, measurement.travel, contradiction
         )
-        self._notes, self._consistent = self._scatter() + self._stuck_gauges(), self._all
+        self._notes, self._consistent = self._scatter() + self._stuck_gauges(), self.scene.layout.every
         if np.count_nonzero(self.measurements.stuck):
             self._consistent = ~self.scene.layout.any(self.measurements.stuck)
         self._covariance = belief.covariance + self._registration

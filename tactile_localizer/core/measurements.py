@@ -79,6 +79,7 @@ class Measurements:
     ) -> None:
         self.update_distance = update_distance
         self._layout, self._motion = scene.layout, MotionModel(scene)
+        self._channels = self._layout.expand(self._layout.every)
         self._mean, self._noise = StrainMean(self._motion), SweepNoise(white_noise)
         self._gauges, self._range, self._stamp_unit = StuckGauges(still_travel), scan_range, StampUnit()
         self._silent = _SILENT * variance
@@ -126,7 +127,8 @@ class Measurements:
 
         Returns the measurement of the strains since the last one, if one is due.
         """
-        self._stamp_ns, channels = stamp_ns, self._layout.expand(present)
+        self._stamp_ns, is_whole = stamp_ns, present is self._layout.every
+        channels = self._channels if is_whole else self._layout.expand(present)
         step = self._mean.step(position)
         kept = self._noise.observe(strain, channels, step)
         self._set_down |= self._noise.is_after_gap and step > RECENT

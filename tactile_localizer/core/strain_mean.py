@@ -45,7 +45,7 @@ class StrainMean:
         if not self._begun:
             self._begun, self._last, self._updated_at, self._mean_at = True, position, position, position
         far = self._count and self._motion.travel(self._motion.displacement(self._first, position)) > _LONGEST
-        if not self._count or far or np.count_nonzero(present != self._present):
+        if not self._count or far or self._has_other(present):
             self._count, self._present, self._first = 0, present, position
             self._sum, self._moved = np.zeros_like(strain), np.zeros_like(position)
         self._last = position
@@ -54,6 +54,10 @@ class StrainMean:
         moved = self._motion.displacement(self._updated_at, position)
         self.travel = self._motion.travel(moved)
         self._moved = self._moved + moved
+
+    def _has_other(self, present: np.ndarray) -> bool:
+        """Whether other phalanges are ``present`` (F,) bool than in the strains so far."""
+        return present is not self._present and not np.array_equal(present, self._present)
 
     @property
     def pending(self) -> np.ndarray:

@@ -76,7 +76,8 @@ class Sweep(NamedTuple):
         anchor that was placed there, from anywhere.
         """
         ancestry = Ancestry(prediction.ancestors, prediction.continued, placed, weights)
-        return self._replace(trend=self.trend.followed(ancestry), gain=self.gain.followed(ancestry))
+        # Without keywords, which take several times longer.
+        return Sweep(self.model, self.trend.followed(ancestry), self.gain.followed(ancestry), *self[3:])
 
     def set_down(self) -> Sweep:
         """The sweep after the hand was lifted and set down again, which makes another level."""

@@ -28,13 +28,15 @@ def bayes(prior: np.ndarray, log_likelihood: np.ndarray) -> tuple[np.ndarray, fl
         posterior, likelihood = np.empty(len(prior)), np.ascontiguousarray(log_likelihood, dtype=np.float64)
         log_marginal = compiled.MODULE.bayes(prior, likelihood, posterior)
         return (prior if log_marginal == -math.inf else posterior), log_marginal
-    likelihood = np.where(prior > 0.0, log_likelihood, -math.inf)
+    has_zeros = np.minimum.reduce(prior) <= 0.0
+    likelihood = np.where(prior > 0.0, log_likelihood, -math.inf) if has_zeros else log_likelihood
     peak = float(np.maximum.reduce(likelihood))
     if peak == -math.inf:
         return prior, peak
     joint = prior * np.exp(likelihood - peak)
     total = float(np.add.reduce(joint))
-    return joint / total, peak + math.log(total)
+    joint /= total
+    return joint, peak + math.log(total)
 
 
 def effective_sample_size(weights: np.ndarray) -> float:

@@ -132,7 +132,7 @@ def test_moments_of_residuals_are_those_of_numpy(
 
 @given(seed=SEEDS, channels=st.integers(1, 20), noisier=st.sampled_from([1.0, 9.0]))
 def test_the_noise_of_a_sweep_is_that_of_numpy(seed: int, channels: int, noisier: float) -> None:
-    """With spikes, after gaps, of channels that are absent for a while, and of more noise than in the scan."""
+    """With spikes, after gaps, of channels that are absent for a while, and of much noise."""
     rng, flat = np.random.default_rng(seed), np.ones(1)
     strains = noisier * rng.standard_normal((60, channels))
     strains[rng.random(strains.shape) < 0.01] += 100.0

@@ -161,7 +161,7 @@ def test_a_caller_may_fill_one_buffer_with_every_strain(localizer):
 
 @pytest.mark.parametrize("apart", [1, 2])
 def test_a_buffer_with_every_strain_gives_what_separate_strains_give(apart):
-    """Noise and spikes are those of the differences from the strains before, however these were handed over."""
+    """Noise and spikes are those of the differences from the strains before, in whatever array."""
     rng, buffer, of, other = np.random.default_rng(0), np.zeros(16 * apart)[::apart], build(), build()
     way = [(n, np.array([0.01 + 0.0004 * n, 0.02])) for n in range(40)]
     for n, position in way:

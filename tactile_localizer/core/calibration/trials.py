@@ -124,7 +124,7 @@ class Trial:
         rng = np.random.default_rng(track)
         steps = rng.standard_normal(positions.shape) * scene.motion_std
         odometry = positions + np.cumsum(steps * np.sqrt(_travels(positions, scene))[:, None], axis=0)
-        present, found = np.ones(len(scene.phalanges), dtype=bool), []
+        present, found = scene.layout.every, []
         taken.reset()
         for row, (place, strain) in enumerate(zip(odometry, strains, strict=True)):
             measurement = taken.observe((1 + row) * _PERIOD_NS, place, strain, present)

@@ -43,7 +43,7 @@ class GridFilter:
         counts = scene.cells(cell)
         self._shape = tuple(counts.tolist())
         cell = extent / counts
-        self._cell, self._extent, self._squared_cell = cell.tolist(), extent.tolist(), cell**2
+        self._cell, self._extent = cell.tolist(), extent.tolist()
         self._unmoved = [
             low + size * (np.arange(count) + 0.5)
             for low, size, count in zip(scene.lower, self._cell, self._shape, strict=True)
@@ -116,8 +116,8 @@ class GridFilter:
         belief[self._living.cells] = self._weights
         self._belief = belief.reshape(self._shape)
         mean, covariance = moments(self._living.states.T, self._weights, self._wraps)
-        within = (1.0 / 12.0 + np.array(self._pending)) * self._squared_cell
-        covariance.ravel()[:: len(within) + 1] += within
+        for axis, (pending, cell) in enumerate(zip(self._pending, self._cell, strict=True)):
+            covariance[axis, axis] += (1.0 / 12.0 + pending) * cell**2
         effective = effective_sample_size(self._weights)
         return Belief(mean, covariance, effective, len(self._weights), log_marginal)
 

@@ -57,7 +57,7 @@ def checked(
         raise MeasurementError(f"strain: expected shape ({layout.size},), got {strain.shape}")
     if present is None:
         _require_finite(strain)
-        return strain, np.ones(phalanges, dtype=bool)
+        return strain, layout.every
     present = real_numbers(present, "present").astype(bool)
     count = np.count_nonzero(present)
     if present.shape != (phalanges,) or not count:

@@ -38,7 +38,7 @@ class Trend(NamedTuple):
 
     def followed(self, ancestry: Ancestry) -> Trend:
         """The trend along the trajectories that continue these."""
-        return self._replace(of_map=ancestry.followed(self.of_map))
+        return Trend(*self[:3], ancestry.followed(self.of_map))
 
     def updated_where(self, measured: np.ndarray, after: Trend) -> Trend:
         """The trend ``after`` an update for the channels ``measured`` (C,) bool, this one for the others."""

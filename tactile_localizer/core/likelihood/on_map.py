@@ -205,8 +205,9 @@ class MapLikelihood:
         assert compiled.MODULE is not None
         nodes, states, of_map, gain = places
         likelihoods, after = np.empty(len(nodes)), np.empty_like(gain.moments)
-        there, how = (nodes, of_map, gain.moments, self._layout.bounds), (DEGREES_OF_FREEDOM, exponent, states)
-        compiled.MODULE.on_map(*self._components[1:], *there, *felt, *how, likelihoods, after)
+        there = nodes, of_map, gain.moments, self._layout.bounds
+        found = DEGREES_OF_FREEDOM, exponent, states, likelihoods, after
+        compiled.MODULE.on_map(*self._components[1:], *there, *felt, *found)
         return OnMap(likelihoods[:states], likelihoods[states:], Gain(after))
 
     def _by_numpy(self, felt: Felt, places: Places, exponent: float) -> OnMap:

@@ -65,8 +65,8 @@ class SweepMixture:
         return model
 
     def is_changed(self, excess: np.ndarray) -> bool:
-        """Whether a channel has so much more or less noise, by ``excess`` (C, C), V^2, than this model is for."""
-        return np.count_nonzero(np.abs(excess - self.excess) > self._unchanged) > 0
+        """Whether the noise of a channel, by ``excess`` (C, C), V^2, is another than that of this model."""
+        return bool(np.count_nonzero(np.abs(excess - self.excess) > self._unchanged))
 
     @cached_property
     def _unchanged(self) -> np.ndarray:
@@ -159,7 +159,7 @@ class SweepMixture:
         return Felt(of_strain, transform, level_variance, used)
 
     def on_map(self, felt: Felt, places: Places, exponent: float) -> OnMap:
-        """Likelihoods of a strain at states and anchors, and the gain after this fraction of a measurement."""
+        """Likelihoods of a strain at places, and the gain after this fraction of a measurement."""
         return self._map_likelihood.of(felt, places, exponent)
 
     def moments(self, felt: Felt, places: Places, weights: np.ndarray) -> np.ndarray:

@@ -133,7 +133,7 @@ class SweepNoise:
         if self._kept is None:
             self._kept = strain
             return strain
-        if compiled.MODULE is not None and self._is_usual(strain, present, travel):
+        if compiled.MODULE is not None and self._took_in(strain, present, travel):
             return strain
         # Before the third strain nothing is predicted: either of the two may be the spike.
         is_predicted = self._step is not None
@@ -161,8 +161,11 @@ class SweepNoise:
         self._kept, self._step = strain, np.where(off, 0.0, step) if jumps else step  # a jump begins anew
         return strain
 
-    def _is_usual(self, strain: np.ndarray, present: np.ndarray, travel: float) -> bool:
-        """Whether a strain, as most, is predicted and no spike, and its noise of no account; then it is taken in."""
+    def _took_in(self, strain: np.ndarray, present: np.ndarray, travel: float) -> bool:
+        """Take in a strain that is predicted, as most are; false, and nothing done: it may be a spike.
+
+        Or what the noise of the channels has in common is asked for.
+        """
         if self._step is None or self._jumped or self._may_share:
             return False
         assert compiled.MODULE is not None
