@@ -57,7 +57,7 @@ class StrainMean:
 
     def _has_other(self, present: np.ndarray) -> bool:
         """Whether other phalanges are ``present`` (F,) bool than in the strains so far."""
-        return present is not self._present and not np.array_equal(present, self._present)
+        return present is not self._present and bool(np.count_nonzero(present != self._present))
 
     @property
     def pending(self) -> np.ndarray:
