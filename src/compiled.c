@@ -1,4 +1,4 @@
-/* The loops of a measurement update over the places of a belief, compiled.
+/* The loops of a measurement update over the places of a belief and the channels of a strain, compiled.
  *
  * A belief that has converged has some 200 places of a few numbers each, where calls of numpy cost ten times what
  * they compute. Each function is the twin of one in numpy, which takes its place where this module was not built
@@ -94,7 +94,7 @@ static PyObject *noise(PyObject *self, PyObject *args)
     return fits ? PyBool_FromLong(has_spike) : NULL;
 }
 
-/* living(cells d (N,), kept d (N,): of the cells, what was not taken in; number_of n (N,): that of each cell before, or -1;
+/* living(cells d (N,), kept d (N,): of the cells, what was not taken in; number_of n (N,): that of each before, or -1;
  *        centres d (d, N), offset d (d,), the least weight that counts;
  *        alive n (N,), states d (d, N), weights d (N,), ancestors n (N,), continued d (N,), next number_of n (N,)): P,
  *        the number of living cells; the outputs begin with theirs, P or (d, P), but for the last
@@ -802,10 +802,10 @@ static PyObject *moments(PyObject *self, PyObject *args)
         const bool turns = ((const char *)a[WRAPS].buf)[axis];
         const double *along = states + axis * count;
         double *from_mean = deviation + axis * count, sum = 0.0, sine = 0.0, cosine = 0.0;
-        if (turns) {
-            for (Py_ssize_t n = 0; n < count; n++) sine += weights[n] * sin(along[n]), cosine += weights[n] * cos(along[n]);
-        } else {
-            for (Py_ssize_t n = 0; n < count; n++) sum += weights[n] * along[n];
+        for (Py_ssize_t n = 0; !turns && n < count; n++) sum += weights[n] * along[n];
+        for (Py_ssize_t n = 0; turns && n < count; n++) {
+            sine += weights[n] * sin(along[n]);
+            cosine += weights[n] * cos(along[n]);
         }
         mean[axis] = turns ? atan2(sine, cosine) : sum;
         for (Py_ssize_t n = 0; n < count; n++) from_mean[n] = along[n] - mean[axis];

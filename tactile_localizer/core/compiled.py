@@ -1,4 +1,4 @@
-"""Compiled twins of numpy's loops over the places of a belief (``src/compiled.c``), where they were built.
+"""Compiled twins of numpy's loops over places and channels (``src/compiled.c``), where they were built.
 
 A belief that has converged has some 200 places of a few numbers each, where calls of numpy cost ten times
 what they compute. Without a compiler numpy does the same, and an update takes about twice as long.

@@ -40,8 +40,8 @@ class Scatter(NamedTuple):
         """Whether there is nothing that the scan's conditions do not explain."""
         # Of a few numbers, a loop is several times faster than arrays.
         each = zip(self.layout.counts, self.variance.tolist(), self.most.tolist(), strict=True)
-        return all(
-            variance <= 1.0 and most <= _edge(width, self.measurements) for width, variance, most in each
+        return not any(
+            variance > 1.0 or most > _edge(width, self.measurements) for width, variance, most in each
         )
 
     @classmethod

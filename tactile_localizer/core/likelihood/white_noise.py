@@ -162,9 +162,9 @@ class SweepNoise:
         return strain
 
     def _took_in(self, strain: np.ndarray, present: np.ndarray, travel: float) -> bool:
-        """Take in a strain that is predicted, as most are; false, and nothing done: it may be a spike.
+        """Take in a strain as most are: predicted, no spike, and of no two noisy channels.
 
-        Or what the noise of the channels has in common is asked for.
+        Returns whether it is; otherwise nothing is done.
         """
         if self._step is None or self._jumped or self._may_share:
             return False
