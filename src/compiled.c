@@ -516,7 +516,10 @@ static PyObject *on_map(PyObject *self, PyObject *args)
             other[lanes] = next ? starts[node_of[n]] + next - 1 : -1;
             for (Py_ssize_t c = 0; c < channels; c++)
                 signals[c][lanes] = of_map[n * channels + c] + (next ? away[other[lanes] * channels + c] : 0.0f);
-            if (next++ == count) next = 0, n++;
+            if (next++ == count) {
+                next = 0;
+                n++;
+            }
         }
         if (transform) transformed(signals, transform, channels, whitened);
         for (Py_ssize_t f = 0; f < phalanges; f++) {

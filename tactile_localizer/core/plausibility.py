@@ -86,7 +86,7 @@ class StuckGauges:
                 self._unchanged = np.where(same, self._unchanged + more, 0.0)
                 self.stuck = self._unchanged >= self._limit
             self._counting = bool(count)
-        self._last = strain.copy()
+        self._last = strain
 
 
 def still_travel(scan: Scan, scene: Scene) -> np.ndarray:

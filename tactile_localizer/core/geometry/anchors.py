@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactile_localizer.core import compiled
-from tactile_localizer.core.geometry.motion import levers
+from tactile_localizer.core.geometry.motion import MotionModel, levers
 from tactile_localizer.scene import Scene
 
 _COUNT = 200
@@ -33,7 +33,7 @@ class Anchors:
         # An axis at a time: arrays with a short last axis take several times longer.
         self._lower, self._extent = scene.lower[:, None], scene.extent[:, None]
         self._ends = ~scene.wraps[:, None]
-        self._levers = levers(scene)
+        self._motion, self._levers = MotionModel(scene), levers(scene)
         extent = scene.extent * self._levers
         pitch = max((float(np.prod(extent)) / _COUNT) ** (1.0 / scene.dimension), _LEAST_PITCH)
         self._counts = np.clip(np.rint(extent / pitch), 1, _COUNT).astype(int)
@@ -60,8 +60,7 @@ class Anchors:
             found = np.empty(len(self))
             compiled.MODULE.far_from(self.states.T, place, self._levers, distance, values, found)
             return found
-        away = (self.states.T - place[:, None]) * self._levers[:, None]
-        return np.where(np.sqrt(np.add.reduce(np.square(away))) > distance, values, -np.inf)
+        return np.where(self._motion.travels(self.states - place) > distance, values, -np.inf)
 
     def move(self, displacement: np.ndarray) -> np.ndarray:
         """Move by ``displacement`` (d,), m (yaw: rad); returns which anchors (R,) bool left at a bound."""

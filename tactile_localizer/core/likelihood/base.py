@@ -82,7 +82,7 @@ def real_numbers(values: Any, what: str) -> np.ndarray:
         found = np.empty(0, dtype=object)
     if found.dtype.kind not in "fiub":
         raise MeasurementError(f"{what}: expected real numbers, got {reprlib.repr(values)}")
-    return np.asarray(found, dtype=np.float64, order="C")
+    return found.astype(np.float64, copy=False)
 
 
 def has_finite_squares(numbers: np.ndarray) -> bool:

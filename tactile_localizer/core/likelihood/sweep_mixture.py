@@ -20,7 +20,7 @@ _LARGEST_STRAIN = 1e9
 """Largest whitened strain, at which others are clipped; its square is still a float32."""
 
 _CHANGED = 0.2
-"""Relative change of the noise of a channel from which strains are whitened anew."""
+"""Change of the covariance, in variances of the noise, from which strains are whitened anew."""
 
 
 class SweepMixture:
@@ -65,7 +65,7 @@ class SweepMixture:
         return model
 
     def is_changed(self, excess: np.ndarray) -> bool:
-        """Whether the noise of a channel, by ``excess`` (C, C), V^2, is another than that of this model."""
+        """Whether a covariance ``excess`` (C, C), V^2, differs from :attr:`excess` by a fifth of the noise."""
         return bool(np.count_nonzero(np.abs(excess - self.excess) > self._unchanged))
 
     @cached_property
