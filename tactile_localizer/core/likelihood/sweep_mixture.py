@@ -65,7 +65,7 @@ class SweepMixture:
         return model
 
     def is_changed(self, excess: np.ndarray) -> bool:
-        """Whether a covariance ``excess`` (C, C), V^2, differs from :attr:`excess` by a fifth of the noise."""
+        """Whether an ``excess`` (C, C), V^2, differs from :attr:`excess` by a fifth of the noise."""
         return bool(np.count_nonzero(np.abs(excess - self.excess) > self._unchanged))
 
     @cached_property
