@@ -8,6 +8,7 @@ taken.
 import math
 from bisect import bisect_left
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -17,7 +18,7 @@ from tactile_localizer.scene import Axis
 from tactile_localizer.streams.arrivals import Arrivals, Seen
 from tactile_localizer.streams.runs import LATE, NANOSECONDS, POSES, STRAIN, Runs
 from tactile_localizer.streams.sweep_detector import NO_SWEEP, SweepDetector
-from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S, interpolate_runs
+from tactile_localizer.streams.synchronization import DEFAULT_MAX_GAP_S, interpolate_pose
 
 T = TypeVar("T")
 
@@ -236,28 +237,18 @@ class Session(Generic[T]):
             unpaired.append(self._waiting.popleft())
         return pairs + self._paired(unpaired)
 
-    def _paired(self, strain: list[_Waiting]) -> list[Pair[T]]:
-        if not strain:
-            return []
-        both, stamp_ns = (
-            np.array([each.both for each in strain]),
-            np.array([each.stamp_ns for each in strain]),
-        )
-        positions = interpolate_runs(self._axes, both, stamp_ns, self._poses_around, self._max_gap_s)
-        is_known = np.isfinite(positions).all(axis=1).tolist()
-        return [
-            Pair(stamp, place if known else None, measurement, run, self._sweep(run, stamp, place))
-            for (_, run, stamp, measurement, _), place, known in zip(strain, positions, is_known, strict=True)
-        ]
+    def _paired(self, strain: Sequence[_Waiting]) -> list[Pair[T]]:
+        pairs = list[Pair[T]]()
+        for both, run, stamp_ns, measurement, _ in strain:
+            pose_ns, poses, _ = self._poses.get(both, ([], [], []))
+            position = interpolate_pose(self._axes, pose_ns, poses, stamp_ns, self._max_gap_s)
+            sweep = self._sweep(run, stamp_ns, position)
+            pairs.append(Pair(stamp_ns, position, measurement, run, sweep))
+        return pairs
 
-    def _poses_around(self, run: int, stamp_ns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Stamps and positions of the poses of a run that are around rising stamps (n,), ns."""
-        pose_ns, poses, _ = self._poses.get(run, ([], [], []))
-        begin, end = (bisect_left(pose_ns, each) for each in (stamp_ns[0], stamp_ns[-1]))
-        return np.array(pose_ns[max(begin - 1, 0) : end + 1]), np.array(poses[max(begin - 1, 0) : end + 1])
-
-    def _sweep(self, run: int, stamp_ns: int, position: np.ndarray) -> int:
+    def _sweep(self, run: int, stamp_ns: int, position: np.ndarray | None) -> int:
         if self._detector is not None:
-            return self._detector.update(stamp_ns, position, run)
+            place = np.full(len(self._axes), math.nan) if position is None else position
+            return self._detector.update(stamp_ns, place, run)
         before = bisect_left(self._marks, (run, stamp_ns))
         return self._marks[before - 1][2] if before else NO_SWEEP

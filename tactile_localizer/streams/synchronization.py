@@ -1,7 +1,8 @@
 """Palm positions at the stamps of strain vectors, interpolated linearly, and yaw along the shortest arc."""
 
 import math
-from collections.abc import Callable
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -21,6 +22,17 @@ def near_bounds(axes: tuple[Axis, ...], positions: np.ndarray) -> np.ndarray:
             positions = positions.copy()
             positions[..., column] = middle + wrap_angle(positions[..., column] - middle)
     return positions
+
+
+def between(
+    axes: tuple[Axis, ...], before: np.ndarray, after: np.ndarray, fraction: float | np.ndarray
+) -> np.ndarray:
+    """Positions (..., d), m (yaw: rad), at a ``fraction`` (..., 1) of the way between two others."""
+    step = after - before
+    for column, axis in enumerate(axes):
+        if axis.name == "yaw":
+            step[..., column] = wrap_angle(step[..., column])
+    return near_bounds(axes, before + fraction * step)
 
 
 def brackets(
@@ -77,12 +89,40 @@ def interpolate_poses(
     if not len(pose_ns):
         return positions, np.zeros(len(stamp_ns), dtype=bool)
     before, after, fraction, found = brackets(pose_ns, stamp_ns, max_gap_s)
-    step = poses[after] - poses[before]
-    for column, axis in enumerate(axes):
-        if axis.name == "yaw":
-            step[:, column] = wrap_angle(step[:, column])
-    positions[found] = near_bounds(axes, poses[before] + fraction[:, None] * step)[found]
+    positions[found] = between(axes, poses[before], poses[after], fraction[:, None])[found]
     return positions, found
+
+
+def interpolate_pose(
+    axes: tuple[Axis, ...],
+    pose_ns: Sequence[int],
+    poses: Sequence[np.ndarray],
+    stamp_ns: int,
+    max_gap_s: float = DEFAULT_MAX_GAP_S,
+) -> np.ndarray | None:
+    """The same at one stamp: arrays of one number take a hundred times as long as the number.
+
+    Parameters
+    ----------
+    axes : the d axes
+    pose_ns : m stamps of the poses, ns, ascending
+    poses : their positions (d,), m (yaw: rad)
+    stamp_ns : stamp of the strain vector, ns
+    max_gap_s : longest time between the two poses around the stamp, s
+
+    Returns
+    -------
+    (d,) ndarray; ``None`` before the first pose, after the last, and in gaps
+    """
+    after = bisect_left(pose_ns, stamp_ns)
+    if after == len(pose_ns):
+        return None
+    if pose_ns[after] == stamp_ns:
+        return near_bounds(axes, poses[after])
+    before = after - 1
+    if before < 0 or (span_ns := pose_ns[after] - pose_ns[before]) > round(max_gap_s * NANOSECONDS):
+        return None
+    return between(axes, poses[before], poses[after], (stamp_ns - pose_ns[before]) / span_ns)
 
 
 def interpolate_runs(

@@ -3,9 +3,12 @@
 import math
 
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tactile_localizer.scene import Axis
 from tactile_localizer.streams.synchronization import (
+    interpolate_pose,
     interpolate_poses,
     near_bounds,
 )
@@ -32,6 +35,18 @@ def test_no_position_outside_the_poses_or_in_a_gap_but_at_its_ends():
     found = interpolated(AXES, poses, 999, 1000, 1050, 1100, 1200, 1300, 1301)[:, 0]
     np.testing.assert_allclose(found, [math.nan, 0.1, 0.15, 0.2, math.nan, 0.4, math.nan])
     assert np.isnan(interpolated(AXES, [], 1000)).all()
+
+
+@given(
+    poses=st.dictionaries(st.integers(0, 400), st.tuples(st.floats(0, 1), st.floats(-3.2, 3.2)), max_size=9),
+    stamps_ms=st.lists(st.integers(-50, 450), min_size=1, max_size=20),
+)
+def test_one_stamp_and_many_have_the_same_positions(poses, stamps_ms):
+    axes, poses = (*AXES, Axis("yaw", -3.0, 0.5)), sorted(poses.items())
+    pose_ns, positions = [at * MS for at, _ in poses], [np.array(place) for _, place in poses]
+    each = [interpolate_pose(axes, pose_ns, positions, at * MS) for at in stamps_ms]
+    expected = interpolated(axes, [(at / 1000, place) for at, place in poses], *stamps_ms)
+    np.testing.assert_array_equal([np.full(2, math.nan) if p is None else p for p in each], expected)
 
 
 def test_near_bounds_moves_yaw_by_whole_turns():
