@@ -153,7 +153,7 @@ class Sweep(NamedTuple):
             on_map.anchors,
             in_sweep.states,
             other,
-            forced.noise.log_volume,
+            forced.log_volume,
             innovation,
             map_strain,
         )
@@ -165,8 +165,8 @@ class Sweep(NamedTuple):
         if self.scatter.is_usual:
             return model, model
         force = self.scatter.along(model.direction(strain))
-        forced = model if force is None else model.with_covariance(force)
-        covariance = self.scatter.covariance(force)
-        if covariance is None or covariance is force:
+        forced = model if force is None else model.with_whitening(force)
+        whitening = self.scatter.whitening(force)
+        if whitening is None or whitening is force:
             return forced, forced
-        return forced, model.with_covariance(covariance)
+        return forced, model.with_whitening(whitening)

@@ -23,6 +23,7 @@ from tactile_localizer.core.likelihood.drift import Innovation, Trend
 from tactile_localizer.core.likelihood.gain import RECENT, Gain
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.on_map import OnMap, Places
+from tactile_localizer.core.likelihood.scatter import Whitening
 from tactile_localizer.core.localizer import Localizer
 from tactile_localizer.core.measurements import Measurements
 from tactile_localizer.core.scan.range import ScanRange
@@ -76,7 +77,7 @@ class ModelByHand:
         self.noise, self.material = noise_model(LAYOUT), Material.SHEET
         self.excess, self.gain_variance = np.zeros((4, 4)), 0.1
         self.residuals, self.other_log, self.at_anchors = np.ones((3, 4)), 0.0, 0.0
-        self.covariance: np.ndarray | None = None
+        self.log_volume, self.is_widened = self.noise.log_volume, False
         self.drift = SimpleNamespace(start=self._start)
         self.other = SimpleNamespace(start=lambda: np.zeros((7, 2)), update=self._other)
 
@@ -104,16 +105,17 @@ class ModelByHand:
         model.excess = excess
         return model
 
-    def with_covariance(self, covariance: np.ndarray) -> ModelByHand:
-        model = self._noisier("with_covariance", covariance, 3.0)
-        model.covariance = covariance
+    def with_whitening(self, whitening: Whitening) -> ModelByHand:
+        model = self._noisier("with_whitening", whitening, 3.0)
+        model.is_widened = True
         return model
 
-    def _noisier(self, method: str, given: np.ndarray, width: float) -> ModelByHand:
+    def _noisier(self, method: str, given: Any, width: float) -> ModelByHand:
         """With the same record, and its strains whitened by a width."""
         self._note(method, self, given)
         model = ModelByHand(self.record)
         model.noise = noise_model(LAYOUT, width)
+        model.log_volume = model.noise.log_volume
         return model
 
     def whitening_after(self, other: ModelByHand) -> np.ndarray:
@@ -146,7 +148,7 @@ class ModelByHand:
         self._note("on_map", gain, used)
         information = np.ones((2, 1), np.float32) * np.arange(len(nodes), dtype=np.float32)
         return OnMap(
-            (ON_MAP if self.covariance is None else SCATTERED).copy(),
+            (SCATTERED if self.is_widened else ON_MAP).copy(),
             np.full(len(nodes) - states, self.at_anchors),
             gain.updated(information, -0.5 * information, exponent),
         )

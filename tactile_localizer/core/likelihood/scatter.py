@@ -17,6 +17,29 @@ SCATTERED = 2.0
 """Standard deviations of the strain, in those of the scan, from which another force is felt. By judgement."""
 
 
+class Whitening(NamedTuple):
+    """A transform of strains, after which their noise is white.
+
+    Parameters
+    ----------
+    transform : (C, C) a lower triangle, a block per phalanx
+    log_volume : (F,) logarithms of the determinants of the blocks
+    """
+
+    transform: np.ndarray
+    log_volume: np.ndarray
+
+    @classmethod
+    def of(cls, layout: ChannelLayout, covariance: np.ndarray) -> Whitening:
+        """The one after which a ``covariance`` (C, C) is one."""
+        transform = np.linalg.inv(np.linalg.cholesky(covariance))
+        return cls(transform, layout.sum(np.log(transform.diagonal())))
+
+    def after(self, other: Whitening) -> Whitening:
+        """The ``other`` one, and then this one."""
+        return Whitening(self.transform @ other.transform, self.log_volume + other.log_volume)
+
+
 class Scatter(NamedTuple):
     """Second moments of the residuals of a sweep, normalized by the variance expected from the scan.
 
@@ -79,8 +102,8 @@ class Scatter(NamedTuple):
         moments = self._within(transform @ self.moments @ transform.T)
         return Scatter.of(self.layout, moments, self.measurements)
 
-    def along(self, direction: np.ndarray) -> np.ndarray | None:
-        """Covariance (C, C) that is larger along one direction (C,) of each phalanx; ``None``: along none.
+    def along(self, direction: np.ndarray) -> Whitening | None:
+        """Of strains that scatter more along one direction (C,) of each phalanx; ``None``: along none.
 
         A force that varies multiplies what a sensor feels above its zero, which is known without a map. It
         does where the strain scatters along it by more than :data:`SCATTERED`, in what it does across it; of
@@ -97,47 +120,50 @@ class Scatter(NamedTuple):
         if not np.count_nonzero(more > edge):
             return None
         width = direction * layout.expand(np.sqrt(np.where(more > edge, more - 1.0, 0.0) / length))
-        return np.asarray(np.eye(layout.size) + self._within(np.outer(width, width)))
+        return Whitening.of(layout, np.eye(layout.size) + self._within(np.outer(width, width)))
 
-    def covariance(self, known: np.ndarray | None) -> np.ndarray | None:
-        """Covariance (C, C) of the residuals; ``None``: that of the scan.
+    def whitening(self, known: Whitening | None) -> Whitening | None:
+        """Of strains whose residuals scatter as these; ``None``: as in the scan.
 
-        It has the directions in which the moments exceed by more than chance (the edge of Marchenko and
-        Pastur, 1967) the mean of those that are not larger; these have their mean. Of few measurements no
-        direction is distinct, and all have one variance.
+        Their covariance has the directions in which the moments exceed by more than chance (the edge of
+        Marchenko and Pastur, 1967) the mean of those that are not larger; these have their mean. Of few
+        measurements no direction is distinct, and all have one variance.
 
         Parameters
         ----------
-        known : (C, C) covariance, as from :meth:`along`, besides which there may be others; ``None``: no such
+        known : of a covariance, as from :meth:`along`, besides which there may be others; ``None``: no such
         """
         if known is not None:
-            root = np.linalg.cholesky(known)
-            left = np.linalg.solve(root, np.linalg.solve(root, self.moments).T)
-            found = Scatter.of(self.layout, left, self.measurements).covariance(None)
-            return known if found is None else np.asarray(root @ found @ root.T)
+            left = known.transform @ self.moments @ known.transform.T
+            found = Scatter.of(self.layout, left, self.measurements).whitening(None)
+            return known if found is None else found.after(known)
         if self.is_usual:
             return None
         layout, even = self.layout, np.maximum(self.variance, 1.0)
-        distinct = self.most > even * _edge(layout.widths, self.measurements)
-        found = np.diag(layout.expand(even))
-        for phalanx in np.flatnonzero(distinct).tolist():
+        edge = _edge(layout.widths, self.measurements)
+        covariance = np.diag(layout.expand(even))
+        for phalanx in np.flatnonzero(self.most > even * edge).tolist():
             own = layout.slices[phalanx]
-            found[own, own] = _directions(self.moments[own, own], self.measurements)
-        return None if np.array_equal(found, np.eye(layout.size)) else found
+            values, vectors = np.linalg.eigh(self.moments[own, own])
+            variance = np.array(_evened(values.tolist(), edge[phalanx]))
+            if variance[-1] > variance[0]:
+                covariance[own, own] = (vectors * variance) @ vectors.T
+        is_usual = np.array_equal(covariance, np.eye(layout.size))
+        return None if is_usual else Whitening.of(layout, covariance)
 
     def _within(self, matrix: np.ndarray) -> np.ndarray:
         """The blocks of the phalanges of a ``matrix`` (C, C), and zero elsewhere."""
         return matrix * np.equal.outer(self.layout.phalanx, self.layout.phalanx)
 
 
-def _directions(moments: np.ndarray, measurements: float) -> np.ndarray:
-    """Covariance (C, C) of the residuals of one phalanx with these second ``moments`` (C, C)."""
-    values, vectors = np.linalg.eigh(moments)
-    others, edge = len(values), _edge(len(values), measurements)
-    while others > 1 and values[others - 1] > edge * max(values[:others].mean(), 1.0):
+def _evened(values: list[float], edge: float) -> list[float]:
+    """Ascending moments of directions of which those that are not larger by an ``edge`` have their mean."""
+    others = len(values)
+    while True:
+        even = max(sum(values[:others]) / others, 1.0)
+        if others == 1 or values[others - 1] <= edge * even:
+            return [even] * others + values[others:]
         others -= 1
-    even, distinct = max(float(values[:others].mean()), 1.0), vectors[:, others:]
-    return np.asarray(even * np.eye(len(values)) + distinct * (values[others:] - even) @ distinct.T)
 
 
 def _edge(directions: Any, measurements: float) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +13,7 @@ from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.noise_model import NoiseModel
 from tactile_localizer.core.likelihood.on_map import Felt, MapLikelihood, OnMap, Places
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
+from tactile_localizer.core.likelihood.scatter import Whitening
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 
 _LARGEST_STRAIN = 1e9
@@ -37,6 +37,7 @@ class SweepMixture:
     Attributes
     ----------
     excess : (C, C) V^2, covariance by which the strains of the sweep have more noise than the scan's
+    log_volume : (F,) logarithms of the volumes of whitened strains, for densities over strains in volts
     """
 
     def __init__(
@@ -54,12 +55,13 @@ class SweepMixture:
         self.gain_variance = max(strain_map.gain, LEAST_VARIANCE)
         self._turns = bool(strain_map.turning.any())
         self.excess = np.zeros((len(noise.centre),) * 2)
+        self.log_volume = noise.log_volume
         self._whitening = np.eye(noise.layout.size)
         self._transform: np.ndarray | None = None
 
     def with_noise(self, excess: np.ndarray) -> SweepMixture:
         """The model of a sweep whose strains have more noise than the scan's, by ``excess`` (C, C), V^2."""
-        model = self.with_covariance(self.noise.with_excess(excess))
+        model = self.with_whitening(Whitening.of(self.noise.layout, self.noise.with_excess(excess)))
         model.excess = excess
         model.__dict__.pop("_unchanged", None)
         return model
@@ -73,15 +75,14 @@ class SweepMixture:
         width = np.sqrt(self.noise.variance + self.excess.diagonal())
         return _CHANGED * np.outer(width, width)
 
-    def with_covariance(self, covariance: np.ndarray) -> SweepMixture:
-        """The model of strains whose residuals have a ``covariance`` (W, W), in the units of this model.
+    def with_whitening(self, whitening: Whitening) -> SweepMixture:
+        """The model of strains whose residuals are white after a transform of the units of this model.
 
         It shares the tables: residuals are whitened anew when they are evaluated.
         """
-        model, transform = copy.copy(self), np.linalg.inv(np.linalg.cholesky(covariance))
-        volume = self.noise.layout.sum(np.log(transform.diagonal()))
-        model.noise = replace(self.noise, log_volume=self.noise.log_volume + volume)
-        model._whitening = transform @ self._whitening
+        model = copy.copy(self)
+        model.log_volume = self.log_volume + whitening.log_volume
+        model._whitening = whitening.transform @ self._whitening
         model._transform = np.ascontiguousarray(model._whitening.T, dtype=np.float32)
         model.__dict__.pop("other", None)
         return model

@@ -12,6 +12,7 @@ from tactile_localizer.core.likelihood.gain import Gain
 from tactile_localizer.core.likelihood.material import Material
 from tactile_localizer.core.likelihood.on_map import OnMap, Places
 from tactile_localizer.core.likelihood.other_material import OtherMaterial
+from tactile_localizer.core.likelihood.scatter import Whitening
 from tactile_localizer.core.likelihood.strain_map import StrainMap
 from tactile_localizer.core.likelihood.student_t import DEGREES_OF_FREEDOM as NU
 from tactile_localizer.core.likelihood.sweep_mixture import SweepMixture
@@ -51,6 +52,11 @@ def evaluated(
     used = np.ones(layout.phalanges, dtype=bool) if used is None else used
     gain = gain or Gain.start(layout.phalanges, len(nodes), model.gain_variance)
     return model.on_map(model.felt(innovation, used), Places(nodes, NODES, innovation.of_map, gain), 1.0)
+
+
+def widened(model: SweepMixture, covariance: np.ndarray) -> SweepMixture:
+    """The model of strains whose residuals have a covariance (W, W)."""
+    return model.with_whitening(Whitening.of(model.noise.layout, covariance))
 
 
 def log_constant(channels: int) -> float:
@@ -107,10 +113,10 @@ def test_strains_of_a_covariance_have_the_densities_of_the_whole_of_it() -> None
     for own in model.noise.layout.slices:
         factor = rng.standard_normal((own.stop - own.start,) * 2)
         covariance[own, own] += factor @ factor.T
-    twice = model.with_covariance(2.0 * np.eye(8)).with_covariance(0.5 * covariance)
-    for other in (model.with_covariance(covariance), twice):
-        found = evaluated(other, strain).states + other.noise.log_volume.sum()
-        plain = model.noise.log_volume.sum()
+    twice = widened(widened(model, 2.0 * np.eye(8)), 0.5 * covariance)
+    for other in (widened(model, covariance), twice):
+        found = evaluated(other, strain).states + other.log_volume.sum()
+        plain = model.log_volume.sum()
         expected = [direct(model, node, strain, covariance).sum() + plain for node in range(NODES)]
         np.testing.assert_allclose(found, expected, atol=2e-3)
 
@@ -128,7 +134,7 @@ def test_residuals_of_one_model_are_taken_to_the_units_of_another() -> None:
 def test_other_material_of_a_covariance_is_whitened_as_the_strain_is() -> None:
     model, strain = mixture((3, 5)), np.linspace(-2.0, 2.0, 8)
     covariance = np.diag(np.linspace(1.0, 50.0, 8))
-    noisy, level, used = model.with_covariance(covariance), np.zeros(2), np.ones(2, dtype=bool)
+    noisy, level, used = widened(model, covariance), np.zeros(2), np.ones(2, dtype=bool)
     felt, _ = noisy.off_map(Innovation(strain, np.zeros((0, 8)), np.zeros(8)))
     whitening = np.diag(covariance.diagonal() ** -0.5)
     np.testing.assert_allclose(felt, whitening @ strain, rtol=1e-6)
@@ -155,7 +161,7 @@ def test_moments_are_of_the_residuals_that_the_scan_expects_at_the_gain_of_the_s
         blocks = np.equal.outer(layout.phalanx, layout.phalanx)
         expected = 0.75 * np.einsum("p,pi,pj->ij", weights, residual, residual) * blocks
         np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-5)
-    wide = model.with_covariance(4.0 * np.eye(8))
+    wide = widened(model, 4.0 * np.eye(8))
     doubled = wide.moments(wide.felt(innovation, used), there, weights)
     np.testing.assert_allclose(doubled, found, rtol=1e-3)  # outliers are bounded alike
 
