@@ -146,49 +146,44 @@ class Trial:
 
     def _localized(self, information_length: float, explanation_length: float) -> Outcome:
         localizer, (number, _, positions, *_) = self.localizer, self.sweep
-        scene, radius, motion = localizer.scene, localizer.criteria.radius, MotionModel(localizer.scene)
+        scene, radius = localizer.scene, localizer.criteria.radius
+        count = len(self.measurements)  # at least one, of the first strain
         localizer.reset()
         localizer.information_length, localizer.explanation_length = information_length, explanation_length
-        score: list[float] = []
-        along: list[tuple[float, np.ndarray]] = []
-        right = wrong = False
-        claims, since, last_known = 0, 0, np.zeros(0)
-        travel, away, variance = 0.0, np.zeros(scene.dimension), np.square(scene.extent)
-        for count, (row, measurement) in enumerate(self.measurements, 1):
+        there = positions[[row for row, _ in self.measurements]]
+        pending = np.reshape([each.pending for _, each in self.measurements], there.shape)
+        truth, mean, converged = there - pending, np.empty_like(there), np.zeros(count, dtype=bool)
+        scores: list[float] = []
+        along: list[np.ndarray] = []
+        for place, (_, measurement) in enumerate(self.measurements):
             belief = localizer.measure(measurement)
-            travel += measurement.travel
-            away = motion.displacement(positions[row], belief.mean + measurement.pending)
-            variance = belief.covariance.diagonal()
-            near = self.on_map and float(np.square(away / radius).sum()) <= 1.0
-            right, wrong = localizer.converged and near, wrong or (localizer.converged and not near)
-            claims += localizer.converged
-            since += claims > 0
-            truth = positions[row] - measurement.pending
-            last_known = truth if right else last_known
-            if count % _EACH == 0:
-                score.append(math.log(max(_probability(self, truth), LEAST_PROBABILITY)))
+            mean[place], converged[place] = belief.mean, localizer.converged
+            if place % _EACH == _EACH - 1:
+                scores.append(math.log(max(_probability(self, truth[place]), LEAST_PROBABILITY)))
                 if self.on_map:
-                    along.append((travel, _along_axes(localizer, truth)))
-        second_half = [axes for there, axes in along if 2.0 * there >= travel]
-        axes = (
-            np.mean(second_half, axis=0)
-            if second_half
-            else np.log(np.full(scene.dimension * self.on_map, LEAST_PROBABILITY))
-        )
+                    along.append(_along_axes(localizer, truth[place]))
+        away = MotionModel(scene).displacement(there, mean + pending)
+        right = converged & self.on_map & (np.square(away / radius).sum(axis=1) <= 1.0)
+        wrong, claims = bool((converged & ~right).any()), np.flatnonzero(converged)
+        travel = np.cumsum([each.travel for _, each in self.measurements])
+        scored = zip(travel[_EACH - 1 :: _EACH].tolist(), along, strict=False)
+        axes = [each for way, each in scored if 2.0 * way >= travel[-1]]
+        if not axes:
+            axes = [np.log(np.full(scene.dimension * self.on_map, LEAST_PROBABILITY))]
         return Outcome(
             number,
             self.on_map,
-            float(np.mean(score)) if score else 0.0,
-            bool(right and not wrong),
-            bool(wrong),
-            claims / max(len(self.measurements), 1),
-            since / max(len(self.measurements), 1),
-            tuple(np.abs(away).tolist()),
-            tuple(np.sqrt(np.maximum(variance, 0.0)).tolist()),
-            tuple(axes.tolist()),
-            _place_alike(localizer, truth) if self.on_map else (),
+            float(np.mean(scores)) if scores else 0.0,
+            bool(right[-1]) and not wrong,
+            wrong,
+            len(claims) / count,
+            float(count - claims[0]) / count if len(claims) else 0.0,
+            tuple(np.abs(away[-1]).tolist()),
+            tuple(np.sqrt(np.maximum(belief.covariance.diagonal(), 0.0)).tolist()),
+            tuple(np.mean(axes, axis=0).tolist()),
+            _place_alike(localizer, truth[-1]) if self.on_map else (),
             self.other_session,
-            tuple(last_known.tolist()),
+            tuple(truth[right][-1:].ravel().tolist()),
         )
 
 
