@@ -461,6 +461,95 @@ static void densities(const Residuals *restrict of, const float *restrict gain, 
     }
 }
 
+/* What on_map is given, by the names there, and room for signals, and for the same whitened. */
+typedef struct {
+    Py_ssize_t phalanges, channels, places, states, nodes, others;
+    const float *spread, *away, *other_spread, *of_map, *mean, *gain, *strain, *transform, *level;
+    const intptr_t *counts, *starts, *node_of, *bounds;
+    const char *used;
+    float degrees, exponent;
+    Lanes *signals, *whitened;
+} Comparison;
+
+/* Log-densities (F, N) of the first components, which have a prior at states, and the gain after the strain. */
+static void first_components(const Comparison *of, float *restrict log_densities, float *restrict next_mean,
+                             float *restrict next_gain)
+{
+    for (Py_ssize_t begin = 0; begin < of->places; begin += LANES) {
+        const Py_ssize_t left = of->places - begin, lanes = left < LANES ? left : LANES;
+        const intptr_t *node = of->node_of + begin;
+        const float *of_map = of->of_map + begin * of->channels;
+        for (Py_ssize_t k = 0; k < lanes; k++)
+            for (Py_ssize_t c = 0; c < of->channels; c++) of->signals[c][k] = of_map[k * of->channels + c];
+        if (of->transform) transformed(of->signals, of->transform, of->channels, of->whitened);
+        for (Py_ssize_t f = 0; f < of->phalanges; f++) {
+            const Py_ssize_t first = of->bounds[f], count = of->bounds[f + 1] - first, at = f * of->places + begin;
+            const float *spread = of->spread + f * of->nodes, *log_prior = of->spread + of->phalanges * of->nodes;
+            const float width = (float)count;
+            const size_t size = (size_t)lanes * sizeof(float);
+            Lanes mean = {0}, gain = {0}, variance, length, log_density;
+            Residuals residual;
+            memcpy(mean, of->mean + at, size);
+            memcpy(gain, of->gain + at, size);
+            for (int k = 0; k < LANES; k++) variance[k] = 1.0f; /* of lanes without a place, too */
+            for (Py_ssize_t k = 0; k < lanes; k++) variance[k] = spread[node[k]] + of->level[f];
+            residuals(of->strain + first, of->whitened + first, count, mean, &residual);
+            densities(&residual, gain, variance, width, of->degrees, length, log_density);
+            for (int k = 0; k < LANES; k++) {
+                const float weight = of->exponent * ((of->degrees + width) / (of->degrees + length[k]) / variance[k]);
+                gain[k] /= 1.0f + weight * residual.energy[k] * gain[k];
+                mean[k] += weight * residual.product[k] * gain[k];
+            }
+            memcpy(next_mean + at, mean, size);
+            memcpy(next_gain + at, gain, size);
+            for (Py_ssize_t k = 0; k < lanes; k++)
+                log_densities[at + k] = log_density[k] + (begin + k < of->states ? log_prior[node[k]] : 0.0f);
+        }
+    }
+}
+
+/* Adds to sums (F, N) the densities of the other components at the states, relative to those of the first ones. */
+static void other_components(const Comparison *of, const float *restrict log_densities, double *restrict sums)
+{
+    const float *log_prior = of->other_spread + of->phalanges * of->others;
+    intptr_t next = 0;
+    for (Py_ssize_t n = 0; n < of->states;) {
+        Py_ssize_t place[LANES], other[LANES], lanes = 0;
+        while (lanes < LANES && n < of->states) {
+            if (next == of->counts[of->node_of[n]]) {
+                next = 0;
+                n++;
+                continue;
+            }
+            const Py_ssize_t row = of->starts[of->node_of[n]] + next++;
+            const float *of_map = of->of_map + n * of->channels, *away = of->away + row * of->channels;
+            for (Py_ssize_t c = 0; c < of->channels; c++) of->signals[c][lanes] = of_map[c] + away[c];
+            place[lanes] = n;
+            other[lanes++] = row;
+        }
+        if (of->transform) transformed(of->signals, of->transform, of->channels, of->whitened);
+        for (Py_ssize_t f = 0; f < of->phalanges; f++) {
+            if (!of->used[f]) continue;
+            const Py_ssize_t first = of->bounds[f], count = of->bounds[f + 1] - first, at = f * of->places;
+            const float *spread = of->other_spread + f * of->others;
+            Lanes mean = {0}, gain = {0}, variance, length, log_density;
+            Residuals residual;
+            for (int k = 0; k < LANES; k++) variance[k] = 1.0f;
+            for (Py_ssize_t k = 0; k < lanes; k++) {
+                variance[k] = spread[other[k]] + of->level[f];
+                mean[k] = of->mean[at + place[k]];
+                gain[k] = of->gain[at + place[k]];
+            }
+            residuals(of->strain + first, of->whitened + first, count, mean, &residual);
+            densities(&residual, gain, variance, (float)count, of->degrees, length, log_density);
+            for (Py_ssize_t k = 0; k < lanes; k++) {
+                const double ratio = log_density[k] + log_prior[other[k]] - (double)log_densities[at + place[k]];
+                sums[at + place[k]] += exp(ratio < 700.0 ? ratio : 700.0); /* a finite number */
+            }
+        }
+    }
+}
+
 /* on_map(spread f (F + 1, M), counts n (M,), starts n (M,), away f (n, C), other_spread f (F + 1, n): components;
  *        nodes n (N,), of_map f (N, C), gain f (2, F, N), its mean and variance: of the places;
  *        bounds n (F + 1,): first channel of each phalanx;
@@ -474,91 +563,50 @@ static PyObject *on_map(PyObject *self, PyObject *args)
     enum { SPREAD, COUNTS, STARTS, AWAY, OTHER_SPREAD, NODES, OF_MAP, GAIN, BOUNDS, STRAIN, TRANSFORM, LEVEL, USED,
            LIKELIHOODS, NEXT_GAIN, ALL };
     Py_buffer a[ALL] = {{0}};
-    Py_ssize_t states;
-    float degrees, exponent;
+    Comparison of;
     (void)self;
     if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*y*y*y*y*z*y*y*ffnw*w*", &a[SPREAD], &a[COUNTS], &a[STARTS], &a[AWAY],
                           &a[OTHER_SPREAD], &a[NODES], &a[OF_MAP], &a[GAIN], &a[BOUNDS], &a[STRAIN], &a[TRANSFORM],
-                          &a[LEVEL], &a[USED], &degrees, &exponent, &states, &a[LIKELIHOODS], &a[NEXT_GAIN]))
+                          &a[LEVEL], &a[USED], &of.degrees, &of.exponent, &of.states, &a[LIKELIHOODS], &a[NEXT_GAIN]))
         return NULL;
-    const Py_ssize_t phalanges = COUNT(a[LEVEL], float), channels = COUNT(a[STRAIN], float);
-    const Py_ssize_t places = COUNT(a[NODES], intptr_t), nodes = COUNT(a[COUNTS], intptr_t);
-    const Py_ssize_t all_others = COUNT(a[OTHER_SPREAD], float) / (phalanges + 1);
-    const float *spread = a[SPREAD].buf, *other_spread = a[OTHER_SPREAD].buf, *away = a[AWAY].buf;
-    const float *of_map = a[OF_MAP].buf, *mean = a[GAIN].buf, *gain = mean + phalanges * places;
-    const float *strain = a[STRAIN].buf, *transform = a[TRANSFORM].buf, *level = a[LEVEL].buf;
-    const intptr_t *counts = a[COUNTS].buf, *starts = a[STARTS].buf, *node_of = a[NODES].buf, *bounds = a[BOUNDS].buf;
-    const char *used = a[USED].buf;
-    double *likelihoods = a[LIKELIHOODS].buf, *densities_of_first = NULL;
-    float *next_mean = a[NEXT_GAIN].buf, *next_gain = next_mean + phalanges * places;
+    const Py_ssize_t phalanges = of.phalanges = COUNT(a[LEVEL], float), places = of.places = COUNT(a[NODES], intptr_t);
+    of.channels = COUNT(a[STRAIN], float);
+    of.nodes = COUNT(a[COUNTS], intptr_t);
+    of.others = COUNT(a[OTHER_SPREAD], float) / (phalanges + 1);
+    of.spread = a[SPREAD].buf, of.away = a[AWAY].buf, of.other_spread = a[OTHER_SPREAD].buf;
+    of.of_map = a[OF_MAP].buf, of.mean = a[GAIN].buf, of.gain = of.mean + phalanges * places;
+    of.strain = a[STRAIN].buf, of.transform = a[TRANSFORM].buf, of.level = a[LEVEL].buf, of.used = a[USED].buf;
+    of.counts = a[COUNTS].buf, of.starts = a[STARTS].buf, of.node_of = a[NODES].buf, of.bounds = a[BOUNDS].buf;
+    double *likelihoods = a[LIKELIHOODS].buf, *sums = NULL; /* of a place's densities, relative to its first one */
+    float *next_mean = a[NEXT_GAIN].buf, *log_densities = NULL;
     Lanes *signals = NULL;
-    if (!(HAS(SPREAD, (phalanges + 1) * nodes, float) && HAS(STARTS, nodes, intptr_t) &&
-          HAS(AWAY, all_others * channels, float) && HAS(OF_MAP, places * channels, float) &&
+    if (!(HAS(SPREAD, (phalanges + 1) * of.nodes, float) && HAS(STARTS, of.nodes, intptr_t) &&
+          HAS(AWAY, of.others * of.channels, float) && HAS(OF_MAP, places * of.channels, float) &&
           HAS(GAIN, 2 * phalanges * places, float) && HAS(BOUNDS, phalanges + 1, intptr_t) &&
-          (!transform || HAS(TRANSFORM, channels * channels, float)) && HAS(USED, phalanges, char) &&
+          (!of.transform || HAS(TRANSFORM, of.channels * of.channels, float)) && HAS(USED, phalanges, char) &&
           HAS(LIKELIHOODS, places, double) && HAS(NEXT_GAIN, 2 * phalanges * places, float)))
         goto end;
-    signals = PyMem_Calloc((size_t)(2 * channels), sizeof(Lanes));
-    densities_of_first = PyMem_Malloc((size_t)(2 * phalanges * places) * sizeof(double));
-    if (!signals || !densities_of_first) {
+    signals = PyMem_Calloc((size_t)(2 * of.channels), sizeof(Lanes));
+    log_densities = PyMem_Malloc((size_t)(phalanges * places) * sizeof(float));
+    sums = PyMem_Malloc((size_t)(phalanges * places) * sizeof(double));
+    if (!signals || !log_densities || !sums) {
         PyErr_NoMemory();
         goto end;
     }
-    Lanes *whitened = transform ? signals + channels : signals;
-    double *sums = densities_of_first + phalanges * places; /* of a place's densities, relative to its first one */
+    of.states = of.states < places ? of.states : places;
+    of.signals = signals;
+    of.whitened = of.transform ? signals + of.channels : signals;
     for (Py_ssize_t k = 0; k < phalanges * places; k++) sums[k] = 1.0;
-    intptr_t next = 0; /* component of the place: the first, or another */
-    for (Py_ssize_t n = 0; n < places;) {
-        Py_ssize_t place[LANES], other[LANES], lanes = 0;
-        for (; lanes < LANES && n < places; lanes++) {
-            const intptr_t count = n < states ? counts[node_of[n]] : 0; /* of anchors the first alone */
-            place[lanes] = n;
-            other[lanes] = next ? starts[node_of[n]] + next - 1 : -1;
-            for (Py_ssize_t c = 0; c < channels; c++)
-                signals[c][lanes] = of_map[n * channels + c] + (next ? away[other[lanes] * channels + c] : 0.0f);
-            if (next++ == count) {
-                next = 0;
-                n++;
-            }
-        }
-        if (transform) transformed(signals, transform, channels, whitened);
-        for (Py_ssize_t f = 0; f < phalanges; f++) {
-            const float width = (float)(bounds[f + 1] - bounds[f]);
-            Lanes variance, of_mean = {0}, of_gain = {0}, length, log_density;
-            Residuals of;
-            for (int k = 0; k < LANES; k++) variance[k] = 1.0f; /* of lanes without a component, too */
-            for (Py_ssize_t k = 0; k < lanes; k++) {
-                const float visit = other[k] < 0 ? spread[f * nodes + node_of[place[k]]]
-                                                 : other_spread[f * all_others + other[k]];
-                variance[k] = visit + level[f];
-                of_mean[k] = mean[f * places + place[k]];
-                of_gain[k] = gain[f * places + place[k]];
-            }
-            residuals(strain + bounds[f], whitened + bounds[f], bounds[f + 1] - bounds[f], of_mean, &of);
-            densities(&of, of_gain, variance, width, degrees, length, log_density);
-            for (Py_ssize_t k = 0; k < lanes; k++) {
-                const Py_ssize_t at = f * places + place[k];
-                if (other[k] < 0) {
-                    const float log_prior = place[k] < states ? spread[phalanges * nodes + node_of[place[k]]] : 0.0f;
-                    const float weight = exponent * ((degrees + width) / (degrees + length[k]) / variance[k]);
-                    densities_of_first[at] = log_density[k] + log_prior;
-                    next_gain[at] = of_gain[k] / (1.0f + weight * of.energy[k] * of_gain[k]);
-                    next_mean[at] = of_mean[k] + weight * of.product[k] * next_gain[at];
-                } else if (used[f]) {
-                    const float log_prior = other_spread[phalanges * all_others + other[k]];
-                    const double ratio = log_density[k] + log_prior - densities_of_first[at];
-                    sums[at] += exp(ratio < 700.0 ? ratio : 700.0); /* a finite number */
-                }
-            }
-        }
-    }
+    first_components(&of, log_densities, next_mean, next_mean + phalanges * places);
+    other_components(&of, log_densities, sums);
     for (Py_ssize_t n = 0; n < places; n++) {
         likelihoods[n] = 0.0;
         for (Py_ssize_t f = 0, at = n; f < phalanges; f++, at += places)
-            if (used[f]) likelihoods[n] += densities_of_first[at] + (sums[at] > 1.0 ? log(sums[at]) : 0.0);
+            if (of.used[f]) likelihoods[n] += log_densities[at] + (sums[at] > 1.0 ? log(sums[at]) : 0.0);
     }
 end:
-    PyMem_Free(densities_of_first);
+    PyMem_Free(sums);
+    PyMem_Free(log_densities);
     PyMem_Free(signals);
     release(a, ALL);
     if (PyErr_Occurred()) return NULL;
