@@ -94,6 +94,116 @@ static PyObject *noise(PyObject *self, PyObject *args)
     return fits ? PyBool_FromLong(has_spike) : NULL;
 }
 
+/* The axes of a grid, and by how many cells it is shifted along each. */
+typedef struct {
+    Py_ssize_t axes, last; /* number of axes, and of the cells of a row, which is along the last one */
+    const intptr_t *shape, *shift;
+    const char *wraps;
+} Grid;
+
+/* First cell of the row that was where a row of cells is now, or -1: there was none. */
+static Py_ssize_t row_before_shift(const Grid *grid, Py_ssize_t row)
+{
+    Py_ssize_t first = 0, apart = grid->last;
+    for (Py_ssize_t axis = grid->axes - 2; axis >= 0; axis--) {
+        const Py_ssize_t size = grid->shape[axis];
+        Py_ssize_t cell = row % size - grid->shift[axis];
+        if (grid->wraps[axis]) cell = (cell % size + size) % size;
+        if (cell < 0 || cell >= size) return -1;
+        first += cell * apart;
+        row /= size;
+        apart *= size;
+    }
+    return first;
+}
+
+/* Belief and numbers of a row of cells after a shift along it. */
+static void shift_row(const Grid *grid, const double *restrict belief, const intptr_t *restrict numbers,
+                      double *restrict moved, intptr_t *restrict moved_numbers)
+{
+    const Py_ssize_t size = grid->last, shift = grid->shift[grid->axes - 1];
+    const Py_ssize_t by = grid->wraps[grid->axes - 1] ? (shift % size + size) % size : shift;
+    const Py_ssize_t begin = by > 0 ? by : 0, end = by > 0 ? size : size + by;
+    for (Py_ssize_t n = begin; n < end; n++) {
+        moved[n] = belief[n - by];
+        moved_numbers[n] = numbers[n - by];
+    }
+    for (Py_ssize_t n = 0; grid->wraps[grid->axes - 1] && n < by; n++) {
+        moved[n] = belief[n - by + size];
+        moved_numbers[n] = numbers[n - by + size];
+    }
+}
+
+/* Spreads cells by a variance along an axis of so many, which are so far apart: each takes in of its neighbours. */
+static void spread_cells(double *restrict cells, Py_ssize_t all, Py_ssize_t count, Py_ssize_t apart, bool wraps,
+                         double variance, double *restrict room)
+{
+    const double kept = 1.0 - variance, beside = 0.5 * variance;
+    double *before = room, *first = room + apart, *none = room + 2 * apart; /* of a row of cells along other axes */
+    const size_t size = (size_t)apart * sizeof(double);
+    memset(none, 0, size);
+    for (double *part = cells; part < cells + all; part += count * apart) {
+        memcpy(first, part, size);
+        memcpy(before, wraps ? part + (count - 1) * apart : none, size);
+        for (Py_ssize_t n = 0; n < count; n++) {
+            double *row = part + n * apart;
+            const double *after = n + 1 < count ? row + apart : wraps ? first : none;
+            for (Py_ssize_t k = 0; k < apart; k++) {
+                const double here = row[k];
+                row[k] = kept * here + beside * before[k] + beside * after[k];
+                before[k] = here;
+            }
+        }
+    }
+}
+
+/* move_cells(belief d (N,), numbers n (N,): of the cells of a grid; shape n (d,), shift n (d,), variance d (d,),
+ *            wraps bool (d,): of its axes; belief d (N,) after it, with a sum of one, numbers n (N,))
+ *
+ * Returns the sum of the belief that stayed on the grid.
+ */
+static PyObject *move_cells(PyObject *self, PyObject *args)
+{
+    enum { BELIEF, NUMBERS, SHAPE, SHIFT, VARIANCE, WRAPS, MOVED, MOVED_NUMBERS, ALL };
+    Py_buffer a[ALL] = {{0}};
+    double total = 0.0;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*y*w*w*", &a[BELIEF], &a[NUMBERS], &a[SHAPE], &a[SHIFT], &a[VARIANCE],
+                          &a[WRAPS], &a[MOVED], &a[MOVED_NUMBERS]))
+        return NULL;
+    Grid grid = {COUNT(a[SHAPE], intptr_t), 1, a[SHAPE].buf, a[SHIFT].buf, a[WRAPS].buf};
+    Py_ssize_t count = 1;
+    for (Py_ssize_t axis = 0; axis < grid.axes; axis++) count *= grid.last = grid.shape[axis];
+    const double *belief = a[BELIEF].buf, *variance = a[VARIANCE].buf;
+    const intptr_t *numbers = a[NUMBERS].buf;
+    double *moved = a[MOVED].buf, *room = PyMem_Malloc((size_t)(3 * count) * sizeof(double));
+    intptr_t *moved_numbers = a[MOVED_NUMBERS].buf;
+    if (!room) PyErr_NoMemory();
+    const bool fits = room && HAS(BELIEF, count, double) && HAS(NUMBERS, count, intptr_t) &&
+                      HAS(SHIFT, grid.axes, intptr_t) && HAS(VARIANCE, grid.axes, double) &&
+                      HAS(WRAPS, grid.axes, char) && HAS(MOVED, count, double) &&
+                      HAS(MOVED_NUMBERS, count, intptr_t);
+    for (Py_ssize_t n = 0; fits && n < count; n++) {
+        moved[n] = 0.0;
+        moved_numbers[n] = -1;
+    }
+    for (Py_ssize_t begin = 0; fits && begin < count; begin += grid.last) {
+        const Py_ssize_t before = row_before_shift(&grid, begin / grid.last);
+        if (before >= 0) shift_row(&grid, belief + before, numbers + before, moved + begin, moved_numbers + begin);
+    }
+    for (Py_ssize_t axis = 0, apart = fits ? count : 0; apart && axis < grid.axes; axis++) {
+        apart /= grid.shape[axis];
+        if (variance[axis] > 0.0)
+            spread_cells(moved, count, grid.shape[axis], apart, grid.wraps[axis], variance[axis], room);
+    }
+    for (Py_ssize_t n = 0; fits && n < count; n++) total += moved[n];
+    for (Py_ssize_t n = 0; fits && n < count; n++)
+        moved[n] = total > 0.0 ? moved[n] / total : 1.0 / (double)count;
+    PyMem_Free(room);
+    release(a, ALL);
+    return fits ? PyFloat_FromDouble(total) : NULL;
+}
+
 /* living(cells d (N,), kept d (N,): of the cells, what was not taken in; number_of n (N,): that of each before, or -1;
  *        centres d (d, N), offset d (d,), the least weight that counts;
  *        alive n (N,), states d (d, N), weights d (N,), ancestors n (N,), continued d (N,), next number_of n (N,)): P,
@@ -910,6 +1020,7 @@ static PyObject *probability_within(PyObject *self, PyObject *args)
 static PyMethodDef METHODS[] = {
     {"map_at", map_at, METH_VARARGS, "Nodes nearest to places, and the strain there."},
     {"noise", noise, METH_VARARGS, "Noise of a sweep after a strain, unless that is a spike."},
+    {"move_cells", move_cells, METH_VARARGS, "Belief on the cells of a grid after a motion."},
     {"living", living, METH_VARARGS, "Cells of a grid that have weight, and from which of those before they moved."},
     {"follow", follow, METH_VARARGS, "What is known along trajectories, of what was along their ancestors."},
     {"anchors", anchors, METH_VARARGS, "Where the anchors are after a motion, and which of them left at a bound."},

@@ -1,5 +1,6 @@
 """The compiled twins give what numpy gives, on random input and at the extremes."""
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -11,6 +12,7 @@ from support.scans import scene
 
 from tactile_localizer.channels import ChannelLayout
 from tactile_localizer.core import compiled
+from tactile_localizer.core.filters.grid_motion import MovedCells
 from tactile_localizer.core.filters.living import Living
 from tactile_localizer.core.geometry.anchors import Anchors
 from tactile_localizer.core.hypotheses.convergence import Ellipsoid
@@ -218,6 +220,20 @@ def test_drifts_are_followed_as_by_numpy(
     with pytest.MonkeyPatch.context() as patch:
         for one, other in both(patch, lambda: tuple(followed())):
             np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5 * np.abs(other).max(initial=1.0))
+
+
+@given(seed=SEEDS, shape=st.lists(st.integers(1, 9), min_size=1, max_size=3), flags=st.integers(0, 7))
+def test_cells_are_moved_as_by_numpy(seed: int, shape: list[int], flags: int) -> None:
+    """By some cells along some axes, or past the end, around turns, and spread along some."""
+    rng, axes = np.random.default_rng(seed), len(shape)
+    belief = rng.dirichlet(np.ones(math.prod(shape))).reshape(shape)
+    numbers = rng.permutation(belief.size).reshape(shape)
+    shift = (rng.integers(-4, 5, axes) * rng.integers(0, 2, axes) * (flags & 1)).tolist()
+    variance = (rng.uniform(0.0, 0.6, axes) * rng.integers(0, 2, axes) * (flags >> 1 & 1)).tolist()
+    wraps = rng.integers(0, 2, axes).astype(bool) & bool(flags & 4)
+    with pytest.MonkeyPatch.context() as patch:
+        for one, other in both(patch, lambda: MovedCells.of(belief, numbers, shift, variance, wraps)):
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-15)
 
 
 @given(seed=SEEDS, axes=st.integers(1, 3), count=st.integers(1, 40))

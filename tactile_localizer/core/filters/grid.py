@@ -1,19 +1,16 @@
 """Grid filter: the exact Bayes recursion (paper, Eq. 1 and 2) on cells that cover the scene."""
 
-import math
-
 import numpy as np
 
 from tactile_localizer.core.filters.base import Prediction
 from tactile_localizer.core.filters.belief import Belief
+from tactile_localizer.core.filters.grid_motion import MovedCells
 from tactile_localizer.core.filters.living import Living
 from tactile_localizer.core.geometry.angles import wrap_angle
 from tactile_localizer.core.geometry.lattice import flatten_axes
 from tactile_localizer.core.weights import bayes, effective_sample_size, moments
 from tactile_localizer.scene import Scene
 
-_THREE_POINT = 0.6
-"""Variance, in cells squared, up to which three points represent a Gaussian step."""
 _WORTH_DIFFUSING = 0.02
 """Variance, in cells squared, below which diffusion is postponed, because small steps cost as much."""
 _NEGLIGIBLE = 1e-5
@@ -84,21 +81,18 @@ class GridFilter:
         if any(abs(each) > extent for each, extent in zip(along, self._extent, strict=True)):
             self._place(np.ones(self._shape))
         else:
-            belief = self._belief
             # Of a few numbers, a loop is several times faster than arrays.
             for axis, (each, cell, rate) in enumerate(zip(along, self._cell, self._rate, strict=True)):
                 self._offset[axis] += each
                 shifted[axis] = round(self._offset[axis] / cell)
                 self._offset[axis] -= shifted[axis] * cell
                 self._pending[axis] += travel * rate
-            if any(shifted):
-                belief = self._moved(belief, shifted, 0.0)
-                self._numbers = self._moved(self._numbers, shifted, -1)
-            for axis, variance in enumerate(self._pending):
-                if variance >= _WORTH_DIFFUSING:
-                    belief = self._diffused(belief, axis, variance)
-                    self._pending[axis] = 0.0
-            left = 0.0 if belief is self._belief else 1.0 - self._normalize(belief)
+            spread = [each if each >= _WORTH_DIFFUSING else 0.0 for each in self._pending]
+            left = 0.0
+            if any(shifted) or any(spread):
+                self._pending = [each if each < _WORTH_DIFFUSING else 0.0 for each in self._pending]
+                moved = MovedCells.of(self._belief, self._numbers, shifted, spread, self._wraps)
+                self._belief, self._numbers, left = moved.belief, moved.numbers, 1.0 - moved.kept
         kept_cells = cells = self._belief.ravel()
         if injected:
             kept_cells = (1.0 - injected) * cells
@@ -142,48 +136,3 @@ class GridFilter:
         """Distances of the cells' centres from a place along an axis."""
         deviation = self._unmoved[axis] + self._offset[axis] - place
         return wrap_angle(deviation) if self._wraps[axis] else deviation
-
-    def _moved(self, values: np.ndarray, cells: list[int], empty: float) -> np.ndarray:
-        """Values of the cells that were there before the cells moved, ``empty`` where there were none."""
-        to, of = [slice(None)] * len(cells), [slice(None)] * len(cells)
-        for axis, count in enumerate(cells):
-            if count and self._wraps[axis]:
-                values = np.roll(values, count, axis=axis)
-            elif count > 0:
-                to[axis], of[axis] = slice(count, None), slice(None, -count)
-            elif count < 0:
-                to[axis], of[axis] = slice(None, count), slice(-count, None)
-        moved = np.full_like(values, empty)
-        moved[tuple(to)] = values[tuple(of)]
-        return moved
-
-    def _diffused(self, belief: np.ndarray, axis: int, variance: float) -> np.ndarray:
-        """A belief spread by a variance, in cells squared: a small one by three points, which is exact."""
-        # A spread as wide as the axis is as good as any wider one.
-        variance = min(variance, float(self._shape[axis]) ** 2)
-        if variance > _THREE_POINT:
-            from scipy.ndimage import convolve1d
-
-            mode = "wrap" if self._wraps[axis] else "constant"
-            return np.asarray(convolve1d(belief, _step(variance), axis, mode=mode))
-        spread, beside = (1.0 - variance) * belief, 0.5 * variance * belief
-        to, of = spread.swapaxes(0, axis), beside.swapaxes(0, axis)
-        to[1:] += of[:-1]
-        to[:-1] += of[1:]
-        if self._wraps[axis]:
-            to[0] += of[-1]
-            to[-1] += of[0]
-        return spread
-
-    def _normalize(self, belief: np.ndarray) -> float:
-        """Store a belief scaled to one, and return what it summed to."""
-        total = float(np.add.reduce(belief, axis=None))
-        self._belief = belief / total if total > 0.0 else np.full(belief.shape, 1.0 / self._size)
-        return total
-
-
-def _step(variance: float) -> np.ndarray:
-    """Weights of a Gaussian step of a variance, in cells squared, to four deviations."""
-    reach = int(4.0 * math.sqrt(variance) + 0.5)
-    kernel = np.exp(-0.5 * np.arange(-reach, reach + 1) ** 2 / variance)
-    return kernel / kernel.sum()
