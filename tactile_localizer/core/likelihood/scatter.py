@@ -22,8 +22,8 @@ class Whitening(NamedTuple):
 
     Parameters
     ----------
-    transform : (C, C) a lower triangle, a block per phalanx
-    log_volume : (F,) logarithms of the determinants of the blocks
+    transform : (C, C) a lower triangle; of phalanges whose noise is independent a block for each
+    log_volume : (F,) their shares in the logarithm of its determinant
     """
 
     transform: np.ndarray
@@ -103,7 +103,7 @@ class Scatter(NamedTuple):
         return Scatter.of(self.layout, moments, self.measurements)
 
     def along(self, direction: np.ndarray) -> Whitening | None:
-        """Of strains that scatter more along one direction (C,) of each phalanx; ``None``: along none.
+        """The transform where strains scatter more along a direction (C,) of each phalanx; ``None``: nowhere.
 
         A force that varies multiplies what a sensor feels above its zero, which is known without a map. It
         does where the strain scatters along it by more than :data:`SCATTERED`, in what it does across it; of
@@ -123,7 +123,7 @@ class Scatter(NamedTuple):
         return Whitening.of(layout, np.eye(layout.size) + self._within(np.outer(width, width)))
 
     def whitening(self, known: Whitening | None) -> Whitening | None:
-        """Of strains whose residuals scatter as these; ``None``: as in the scan.
+        """The transform of strains whose residuals scatter as these; ``None``: as in the scan.
 
         Their covariance has the directions in which the moments exceed by more than chance (the edge of
         Marchenko and Pastur, 1967) the mean of those that are not larger; these have their mean. Of few
@@ -131,7 +131,7 @@ class Scatter(NamedTuple):
 
         Parameters
         ----------
-        known : of a covariance, as from :meth:`along`, besides which there may be others; ``None``: no such
+        known : as from :meth:`along`, besides which there may be other directions; ``None``: no such
         """
         if known is not None:
             left = known.transform @ self.moments @ known.transform.T
