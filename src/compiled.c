@@ -179,7 +179,8 @@ static PyObject *move_cells(PyObject *self, PyObject *args)
     double *moved = a[MOVED].buf, *room = PyMem_Malloc((size_t)(3 * count) * sizeof(double));
     intptr_t *moved_numbers = a[MOVED_NUMBERS].buf;
     if (!room) PyErr_NoMemory();
-    const bool fits = room && HAS(BELIEF, count, double) && HAS(NUMBERS, count, intptr_t) &&
+    if (grid.axes < 1) PyErr_SetString(PyExc_ValueError, "SHAPE: expected at least one axis, got none");
+    const bool fits = room && grid.axes > 0 && HAS(BELIEF, count, double) && HAS(NUMBERS, count, intptr_t) &&
                       HAS(SHIFT, grid.axes, intptr_t) && HAS(VARIANCE, grid.axes, double) &&
                       HAS(WRAPS, grid.axes, char) && HAS(MOVED, count, double) &&
                       HAS(MOVED_NUMBERS, count, intptr_t);

@@ -15,23 +15,23 @@ DEFAULT_MAX_GAP_S = 0.1
 
 
 def near_bounds(axes: tuple[Axis, ...], positions: np.ndarray) -> np.ndarray:
-    """Positions (..., d), m (yaw: rad), with yaw within half a turn of the middle of its bounds."""
+    """Positions (d,) or (n, d), m (yaw: rad), with yaw within half a turn of the middle of its bounds."""
     for column, axis in enumerate(axes):
         if axis.name == "yaw":
             middle = (axis.lower + axis.upper) / 2
             positions = positions.copy()
-            positions[..., column] = middle + wrap_angle(positions[..., column] - middle)
+            positions.T[column] = middle + wrap_angle(positions.T[column] - middle)
     return positions
 
 
 def between(
     axes: tuple[Axis, ...], before: np.ndarray, after: np.ndarray, fraction: float | np.ndarray
 ) -> np.ndarray:
-    """Positions (..., d), m (yaw: rad), at a ``fraction`` (..., 1) of the way between two others."""
+    """Positions (d,) or (n, d), m (yaw: rad), at a ``fraction`` of the way, or (n, 1), between two others."""
     step = after - before
     for column, axis in enumerate(axes):
         if axis.name == "yaw":
-            step[..., column] = wrap_angle(step[..., column])
+            step.T[column] = wrap_angle(step.T[column])
     return near_bounds(axes, before + fraction * step)
 
 
@@ -117,12 +117,10 @@ def interpolate_pose(
     after = bisect_left(pose_ns, stamp_ns)
     if after == len(pose_ns):
         return None
-    if pose_ns[after] == stamp_ns:
-        return near_bounds(axes, poses[after])
-    before = after - 1
+    before = after if pose_ns[after] == stamp_ns else after - 1
     if before < 0 or (span_ns := pose_ns[after] - pose_ns[before]) > round(max_gap_s * NANOSECONDS):
         return None
-    return between(axes, poses[before], poses[after], (stamp_ns - pose_ns[before]) / span_ns)
+    return between(axes, poses[before], poses[after], (stamp_ns - pose_ns[before]) / max(span_ns, 1))
 
 
 def interpolate_runs(

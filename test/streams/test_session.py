@@ -155,6 +155,15 @@ def test_pairs_do_not_depend_on_the_order_of_arrival(order, pose_steps, strain_s
     assert pairs == list(zip(strain_ms.tolist(), places, strict=True))
 
 
+def test_a_pair_keeps_its_position_whatever_becomes_of_the_array_of_the_pose():
+    session, place = Session(AXES), np.array([0.1])
+    session.add_pose(10 * MS, place)
+    session.add_strain(10 * MS, 0)
+    (pair,) = session.take()
+    place[0] = 0.9
+    np.testing.assert_array_equal(pair.position, [0.1])
+
+
 def streams(rng):
     """Stamps of strain and poses, and times of arrival: jumps, silence, late, repeated and missing ones."""
     begin, stamp, stamps, arrivals = 0, 50_000, ([], []), ([], [])

@@ -34,7 +34,7 @@ class MotionModel:
         self._levers, self._lever_rows = levers(scene).tolist(), levers(scene)[:, None]
 
     def displacement(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """Displacement (..., d) from ``before`` (d,) to ``after`` (..., d); yaw by the shortest arc."""
+        """Displacement (..., d) from ``before`` (d,) or (..., d) to ``after``; yaw by the shortest arc."""
         return self.wrapped(after - before)
 
     def wrapped(self, values: np.ndarray) -> np.ndarray:
