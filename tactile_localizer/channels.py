@@ -46,7 +46,7 @@ class ChannelLayout:
 
     @cached_property
     def bounds(self) -> np.ndarray:
-        """Index of the first element of each phalanx, then the number of all elements, (F + 1,) int."""
+        """Start index of each phalanx, followed by the total number of elements, (F + 1,) int."""
         return np.cumsum([0, *self.counts], dtype=np.intp)
 
     @cached_property

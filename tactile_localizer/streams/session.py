@@ -8,7 +8,6 @@ taken.
 import math
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -237,7 +236,7 @@ class Session(Generic[T]):
             unpaired.append(self._waiting.popleft())
         return pairs + self._paired(unpaired)
 
-    def _paired(self, strain: Sequence[_Waiting]) -> list[Pair[T]]:
+    def _paired(self, strain: list[_Waiting]) -> list[Pair[T]]:
         pairs = list[Pair[T]]()
         for both, run, stamp_ns, measurement, _ in strain:
             pose_ns, poses, _ = self._poses.get(both, ([], [], []))

@@ -27,7 +27,7 @@ def near_bounds(axes: tuple[Axis, ...], positions: np.ndarray) -> np.ndarray:
 def between(
     axes: tuple[Axis, ...], before: np.ndarray, after: np.ndarray, fraction: float | np.ndarray
 ) -> np.ndarray:
-    """Positions (d,) or (n, d), m (yaw: rad), at a ``fraction`` of the way, or (n, 1), between two others."""
+    """Positions (d,) or (n, d), m (yaw: rad), at a ``fraction``, a number or (n, 1), of the way between."""
     step = after - before
     for column, axis in enumerate(axes):
         if axis.name == "yaw":
@@ -100,7 +100,7 @@ def interpolate_pose(
     stamp_ns: int,
     max_gap_s: float = DEFAULT_MAX_GAP_S,
 ) -> np.ndarray | None:
-    """The same at one stamp: arrays of one number take a hundred times as long as the number.
+    """Interpolate recorded palm poses at one stamp, faster than :func:`interpolate_poses` does.
 
     Parameters
     ----------
